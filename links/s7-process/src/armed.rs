@@ -1,5 +1,7 @@
 //! Requests that wait in the CPU for a point of the cycle or for a pass, beside the others of a connection.
 
+use std::time::Instant;
+
 use ob1_access::door::{Answer, Ask as Question, Door, Refusal, Ticket};
 use ob1_model::{PassOrder, Point, PointItem, PointOrder};
 use ob1_s7::codes::ItemCode;
@@ -16,8 +18,9 @@ pub(crate) struct Armed {
     access: Option<Access>,
     /// How many items that are for the CPU.
     items: usize,
-    /// Requests to forget it.
+    /// Requests to forget it, and when that is done.
     pub(crate) forgets: Vec<u64>,
+    forget_at: Option<Instant>,
 }
 
 impl Armed {
@@ -31,17 +34,36 @@ impl Armed {
         };
         let count = items.len();
         let ticket = door.ask(client, Question::Point(PointOrder { point, stays, items }));
-        Self { id, ticket, access: Some(access), items: count, forgets: Vec::new() }
+        Self { id, ticket, access: Some(access), items: count, forgets: Vec::new(), forget_at: None }
     }
 
     pub(crate) fn pass((id, client): (u64, u32), order: PassOrder, door: &mut Door) -> Self {
-        Self { id, ticket: door.ask(client, Question::Pass(order)), access: None, items: 0, forgets: Vec::new() }
+        Self {
+            id,
+            ticket: door.ask(client, Question::Pass(order)),
+            access: None,
+            items: 0,
+            forgets: Vec::new(),
+            forget_at: None,
+        }
     }
 
-    /// It is not wanted any more: what there is of it comes at once.
-    pub(crate) fn forget(&mut self, (id, client): (u64, u32), door: &mut Door) {
-        door.ask(client, Question::Forget(self.ticket));
+    /// It is not wanted any more, from this time on at the latest.
+    pub(crate) fn forget(&mut self, id: u64, at: Instant) {
         self.forgets.push(id);
+        self.forget_at = Some(self.forget_at.map_or(at, |before| before.min(at)));
+    }
+
+    /// Has the CPU forget it when that is due: what there is of it comes at once.
+    pub(crate) fn step(&mut self, client: u32, door: &mut Door, now: Instant) {
+        if self.forget_at.is_some_and(|at| at <= now) {
+            self.forget_at = None;
+            door.ask(client, Question::Forget(self.ticket));
+        }
+    }
+
+    pub(crate) const fn due(&self) -> Option<Instant> {
+        self.forget_at
     }
 
     /// The reply; `None` if the answer is not about a point or a pass.

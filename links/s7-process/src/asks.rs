@@ -162,7 +162,7 @@ impl Asks {
             let reads = |doing: &Doing| matches!(doing, Doing::Read { .. });
             let may_begin = self.doing.is_empty() || matches!(next.ask, Ask::Read(_)) && self.doing.iter().all(reads);
             if !may_begin {
-                return;
+                break;
             }
             let (client, door) = (turn.client, &mut *turn.around.door);
             match self.waiting.pop_front() {
@@ -170,9 +170,9 @@ impl Asks {
                     self.armed.push(Armed::at((id, client), point, stays, access, door));
                 }
                 Some(Request { id, ask: Ask::Pass(order) }) => self.armed.push(Armed::pass((id, client), order, door)),
-                Some(Request { id, ask: Ask::Forget(of) }) => {
-                    match self.armed.iter_mut().find(|armed| armed.id == of) {
-                        Some(armed) => armed.forget((id, client), door),
+                Some(Request { id, ask: Ask::Forget { request, patience } }) => {
+                    match self.armed.iter_mut().find(|armed| armed.id == request) {
+                        Some(armed) => armed.forget(id, turn.around.now + Duration::from_millis(patience)),
                         None => (turn.reply)(id, Reply::Done),
                     }
                 }
@@ -180,6 +180,8 @@ impl Asks {
                 None => {}
             }
         }
+        let Surroundings { door, now, .. } = &mut *turn.around;
+        self.armed.iter_mut().for_each(|armed| armed.step(client, door, *now));
     }
 
     /// An answer of the broker to this connection.
@@ -207,7 +209,7 @@ impl Asks {
             Doing::Control(Transition { step: Step::After { ticket: None, look_at, .. }, .. }) => Some(*look_at),
             _ => None,
         };
-        self.doing.iter().filter_map(due).min()
+        self.doing.iter().filter_map(due).chain(self.armed.iter().filter_map(Armed::due)).min()
     }
 }
 
@@ -251,7 +253,7 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
             return None;
         }
         // They never come here.
-        Ask::At { .. } | Ask::Pass(_) | Ask::Forget(_) => return None,
+        Ask::At { .. } | Ask::Pass(_) | Ask::Forget { .. } => return None,
         Ask::Blocks => Question::Blocks,
         Ask::Block { ty, number } => match cells::kind(ty) {
             BlockKind::Db => {

@@ -123,18 +123,23 @@ fn disable_is_refused_when_the_trigger_has_come() {
     let mut desk = desk();
     desk.test(2, &monitor(1, 0, 0x0200));
     assert_eq!(told(&desk.test(0x0D, &about(0x0D, 2, 1))), [refused(0x0D, 2, 0xD0A5)]);
+    // Enabled, and the trigger comes soon: its result comes first, and the answer says so.
     desk.test(0x0E, &about(0x0E, 2, 1));
-    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 2, 1))), [answer(0x0D, 2)]);
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 2, 1))), []);
+    desk.point(Point::Start);
+    assert_eq!(told(&desk.answers()), [push(2, 1, 2, &SEEN), refused(0x0D, 2, 0xD0A5)]);
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 2, 1))), [refused(0x0D, 2, 0xD0A5)]);
+    // It does not come.
+    desk.test(0x0E, &about(0x0E, 2, 1));
+    desk.test(0x0D, &about(0x0D, 2, 1));
+    desk.patience_ends();
+    assert_eq!(told(&desk.answers()), [answer(0x0D, 2)]);
     desk.point(Point::Start);
     assert_eq!(told(&desk.answers()), [], "it was disabled");
-    // The result is on its way while it is disabled: it comes first, and the answer says so.
-    desk.test(0x0E, &about(0x0E, 2, 1));
-    let armed = desk.armed.remove(0);
-    let reply = desk.cpu.serve(armed.ask);
-    desk.send_only(&common::test_service(0x0D, &about(0x0D, 2, 1)));
-    desk.connection.reply(armed.id, reply);
-    desk.serve();
-    assert_eq!(told(&desk.answers()), [push(2, 1, 2, &SEEN), refused(0x0D, 2, 0xD0A5)]);
+    // Nobody knows when a STOP comes.
+    desk.test(2, &monitor(1, 0, 0x0400));
+    desk.test(0x0E, &about(0x0E, 2, 2));
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 2, 2))), [answer(0x0D, 3)]);
 }
 
 #[test]
@@ -142,17 +147,18 @@ fn a_result_under_way_comes_before_the_answer_of_the_delete() {
     let mut desk = desk();
     desk.test(2, &monitor(1, 0, 0x0200));
     desk.test(0x0E, &about(0x0E, 2, 1));
-    let armed = desk.armed.remove(0);
-    let reply = desk.cpu.serve(armed.ask);
-    desk.send_only(&common::test_service(0x0F, &about(0x0F, 2, 1)));
-    desk.connection.reply(armed.id, reply);
-    desk.serve();
-    assert_eq!(told(&desk.answers()), [push(2, 1, 2, &SEEN), answer(0x0F, 1)]);
+    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 2, 1))), []);
+    assert_eq!(told(&desk.test(0x0E, &about(0x0E, 2, 1))), [], "behind the answer to the delete");
+    desk.point(Point::Start);
+    let all = told(&desk.answers());
+    assert_eq!(all, [push(2, 1, 2, &SEEN), answer(0x0F, 1), refused(0x0E, 2, 0xD0A5)]);
     assert_eq!(told(&desk.test(0x0F, &about(0x0F, 2, 1))), [refused(0x0F, 1, 0xD0A5)]);
-    // One that waits for its trigger goes without a result.
+    // One whose trigger does not come goes without a result.
     desk.test(2, &monitor(1, 0, 0x0200));
     desk.test(0x0E, &about(0x0E, 2, 1));
-    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 2, 1))), [answer(0x0F, 1)]);
+    desk.test(0x0F, &about(0x0F, 2, 1));
+    desk.patience_ends();
+    assert_eq!(told(&desk.answers()), [answer(0x0F, 1)]);
     assert!(desk.armed.is_empty(), "nor does the CPU know of it");
 }
 
@@ -233,7 +239,9 @@ fn values_are_modified_at_their_trigger() {
     assert_eq!(told(&desk.test(0x0D, &about(0x0D, 8, 1))), [refused(0x0D, 2, 0xD0A5)]);
     assert_eq!(told(&desk.test(0x0E, &about(0x0E, 8, 1))), [answer(0x0E, 2)]);
     assert_eq!(desk.armed.len(), 2, "the writes, and a result");
-    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 8, 1))), [answer(0x0F, 1)]);
+    desk.test(0x0F, &about(0x0F, 8, 1));
+    desk.patience_ends();
+    assert_eq!(told(&desk.answers()), [answer(0x0F, 1)]);
     assert!(desk.armed.is_empty());
 }
 
@@ -467,9 +475,16 @@ fn a_block_that_is_not_called_is_waited_for() {
     desk.serve();
     desk.pass(pass(&[Some(1), Some(100), Some(7), Some(8)]));
     assert_eq!(told(&desk.answers()), [push(0x13, 1, 1, &[0, 0, 0, 4, 1, 7])]);
-    // Deleted while it waits.
+    // Deleted while it waits: a pass that comes soon is still told.
     desk.test(0x0E, &about(0x0E, 0x13, 1));
-    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 0x13, 1))), [answer(0x0F, 1)]);
+    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 0x13, 1))), []);
+    desk.pass(pass(&[Some(1), Some(100), Some(7), Some(8)]));
+    assert_eq!(told(&desk.answers()), [push(0x13, 1, 1, &[0, 0, 0, 4, 1, 7]), answer(0x0F, 1)]);
+    desk.test(0x13, &status(6, 0, &[(4, 0x01)]));
+    desk.test(0x0E, &about(0x0E, 0x13, 1));
+    desk.test(0x0F, &about(0x0F, 0x13, 1));
+    desk.patience_ends();
+    assert_eq!(told(&desk.answers()), [answer(0x0F, 1)]);
     assert!(desk.armed.is_empty());
 }
 
@@ -544,7 +559,8 @@ fn what_cuts_a_pass_and_what_ends_it_is_told() {
     assert_eq!(told(&desk.test(0x0E, &about(0x0E, 0x13, 1))), [refused(0x0E, 1, 0xD0A5)]);
     desk.test(0x13, &status(6, 0, &[(4, 0x01)]));
     desk.cpu.code.get_mut(&fc(7)).expect("there").code = 100;
-    desk.send(&common::test_service(0x0E, &about(0x0E, 0x13, 1)));
-    let both = told(&desk.answers());
-    assert_eq!((both[0].service, both[1].code), (0x0E, 0xD0C8));
+    enabled(&mut desk);
+    desk.pass(pass(&[Some(1); 4]));
+    let ended = Told { kind: 0x01, service: 0x13, number: 1, code: 0xD0C8, data: vec![] };
+    assert_eq!(told(&desk.answers()), [ended], "as many statements, but others");
 }

@@ -64,8 +64,13 @@ pub enum Ask {
     },
     /// One pass through a block, likewise beside the others. [`Reply::Pass`].
     Pass(PassOrder),
-    /// The request with this number is not wanted any more: it has its reply before this one. [`Reply::Done`].
-    Forget(u64),
+    /// A request is not wanted any more: it has its reply before this one. [`Reply::Done`].
+    Forget {
+        /// Its number.
+        request: u64,
+        /// So long, in milliseconds, its result may still come.
+        patience: u64,
+    },
     /// What lies at these addresses of the machine code of a block. [`Reply::Code`].
     Code {
         /// The block.

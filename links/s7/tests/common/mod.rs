@@ -198,7 +198,7 @@ impl ModelCpu {
             }
             // A block that nobody calls.
             Ask::Pass(_) => Reply::Pass(Pass::default()),
-            Ask::Forget(_) | Ask::Blink => Reply::Done,
+            Ask::Forget { .. } | Ask::Blink => Reply::Done,
         }
     }
 
@@ -215,13 +215,15 @@ pub(crate) struct Desk {
     pub(crate) connection: Connection,
     /// What waits for a point of the cycle, or for a pass.
     pub(crate) armed: Vec<Request>,
+    /// What is to be forgotten: the request to do so, and the forgotten one.
+    forgets: Vec<(u64, u64)>,
 }
 
 pub(crate) const CALL: [u8; 22] = [3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 1, 2];
 
 impl Desk {
     pub(crate) fn new(settings: Settings) -> Self {
-        Self { cpu: ModelCpu::default(), connection: Connection::new(settings), armed: Vec::new() }
+        Self { cpu: ModelCpu::default(), connection: Connection::new(settings), armed: Vec::new(), forgets: Vec::new() }
     }
 
     /// Connected, and set up with this PDU.
@@ -257,16 +259,38 @@ impl Desk {
                     self.armed.push(request);
                     continue;
                 }
-                Ask::Forget(id) => {
-                    if let Some(index) = self.armed.iter().position(|armed| armed.id == *id) {
-                        self.armed.remove(index);
-                        self.connection.reply(*id, Reply::Forgotten);
+                Ask::Forget { request: forgotten, patience } if self.armed.iter().any(|one| one.id == *forgotten) => {
+                    let at_once = *patience == 0;
+                    self.forgets.push((request.id, *forgotten));
+                    if at_once {
+                        self.patience_ends();
                     }
+                    continue;
                 }
                 _ => {}
             }
             let reply = self.cpu.serve(request.ask);
             self.connection.reply(request.id, reply);
+        }
+    }
+
+    /// What is to be forgotten is waited for no longer.
+    pub(crate) fn patience_ends(&mut self) {
+        for (id, forgotten) in std::mem::take(&mut self.forgets) {
+            if self.armed.iter().any(|armed| armed.id == forgotten) {
+                self.armed.retain(|armed| armed.id != forgotten);
+                self.connection.reply(forgotten, Reply::Forgotten);
+            }
+            self.connection.reply(id, Reply::Done);
+        }
+        self.serve();
+    }
+
+    /// An armed request has its reply, then those that want it forgotten.
+    pub(crate) fn came(&mut self, id: u64, reply: Reply) {
+        self.connection.reply(id, reply);
+        for (forget, _) in self.forgets.extract_if(.., |(_, forgotten)| *forgotten == id).collect::<Vec<_>>() {
+            self.connection.reply(forget, Reply::Done);
         }
     }
 
@@ -287,7 +311,7 @@ impl Desk {
                 continue;
             }
             let reply = self.cpu.serve(request.ask);
-            self.connection.reply(request.id, reply);
+            self.came(request.id, reply);
         }
         self.serve();
     }
@@ -297,7 +321,7 @@ impl Desk {
         let index =
             self.armed.iter().position(|armed| matches!(armed.ask, Ask::Pass(_))).expect("a pass is waited for");
         let request = self.armed.remove(index);
-        self.connection.reply(request.id, Reply::Pass(pass));
+        self.came(request.id, Reply::Pass(pass));
         self.serve();
     }
 

@@ -5,27 +5,29 @@
 
 mod setup;
 mod table;
+mod telegrams;
 mod watch;
 
 use ob1_model::{Point, TEST_FUNCTIONS};
 
 use self::setup::{Begin, LENGTHS, Setup, Trigger, parts};
+use self::telegrams::{MESSAGE, answer, message, named, result};
 use self::watch::{Seen, Watch};
 use super::service::Service;
 use super::var::{Slot, addresses};
 use super::{Access, Ask, Connection, Job, Put, Reply, Step, Then};
 use crate::Rights;
 use crate::codes::Code;
-use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData, sub};
+use crate::wire::{USERDATA_HEAD, UserData, sub};
 
 /// Jobs of a connection.
 const JOBS: usize = 8;
-/// Bytes of the parameters of a message.
-const MESSAGE: usize = 4;
 /// The list of the operating state; in its record the state is the low half of this byte.
 const OPERATING_STATE: u16 = 0x0424;
 const STATE_AT: usize = 3;
 const STOP: u8 = 0x04;
+/// How long the result of a job that ends may still come: a trigger of the cycle does, a STOP does not.
+const PATIENCE_MS: u64 = 250;
 /// Time to the next attempt when the CPU had no room for a job.
 const AGAIN_MS: u64 = 50;
 
@@ -56,6 +58,8 @@ struct TestJob {
     goes: bool,
     /// There was no room: it is armed again.
     again: bool,
+    /// What a pass has given, until it is known that the block is still the same.
+    seen: Option<(Code, Vec<u8>)>,
 }
 
 /// The test jobs of a connection.
@@ -73,7 +77,7 @@ pub(super) enum Ending {
         job: u8,
         service: u8,
     },
-    /// The addresses again, before a pass.
+    /// The addresses again, behind a pass.
     Places {
         job: u8,
     },
@@ -104,37 +108,14 @@ impl Ending {
     }
 }
 
-/// Lengths and parameters in front of what a message or a list tells.
-fn message(class: u8, data: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![0, MESSAGE as u8];
-    bytes.extend_from_slice(&(data.len() as u16).to_be_bytes());
-    bytes.extend_from_slice(&[0x01, 0x00, 0x00, class]);
-    bytes.extend_from_slice(data);
-    bytes
-}
-
-/// The result of a job.
-fn result(function: u8, job: u8, class: u8, code: Code, data: &[u8]) -> Vec<u8> {
-    let bytes = if data.is_empty() { Vec::new() } else { message(class, data) };
-    let push = UserData::job(Group::Test, function, &bytes);
-    UserData { telegram: Telegram::Message, sequence: job, error: code, ..push }.write(0)
-}
-
-fn answer(reference: u16, function: u8, sequence: u8, code: Code, data: &[u8]) -> Vec<u8> {
-    let telegram =
-        UserData { telegram: Telegram::Answer, sequence, error: code, ..UserData::job(Group::Test, function, data) };
-    telegram.write(reference)
-}
-
-/// Function and number of the job a service is about; in front of them `0F` has a word.
-fn named(service: &UserData<'_>) -> Result<(u8, u8), Code> {
-    let (_, data) = parts(service.data)?;
-    match data {
-        [function, number] | [_, _, function, number] => match *number {
-            0 => Err(Code::TEST_NUMBER),
-            number => Ok((*function, number)),
-        },
-        _ => Err(Code::TEST_DATA),
+impl TestJob {
+    /// Forgets what it has asked for; `None`: nothing.
+    fn last_ask(&self) -> Option<Ask> {
+        let patience = match (self.asked, self.trigger) {
+            (None, _) | (_, Trigger::Point(Point::Stop)) => 0,
+            _ => PATIENCE_MS,
+        };
+        Some(Ask::Forget { request: self.asked.or(self.stays)?, patience })
     }
 }
 
@@ -250,6 +231,7 @@ impl Connection {
             fired: false,
             goes: false,
             again: false,
+            seen: None,
         };
         let later = if let What::Block(watch) = &job.what {
             let ask = Ask::Code { block: watch.block(), wanted: watch.wanted() };
@@ -313,9 +295,7 @@ impl Connection {
         let (ask, ending) = match &job.what {
             What::Status(slots) => (at(Access::Read(addresses(slots))), Ending::Result { job: id }),
             What::Modify(_, puts) => (at(Access::Write(puts.clone())), Ending::Result { job: id }),
-            What::Block(watch) => {
-                (Ask::Code { block: watch.block(), wanted: watch.wanted() }, Ending::Places { job: id })
-            }
+            What::Block(watch) => (Ask::Pass(watch.order()), Ending::Result { job: id }),
         };
         self.armed(id, ask, ending);
     }
@@ -329,9 +309,14 @@ impl Connection {
 
     /// What a job has asked for is not wanted any more.
     fn forget(&mut self, job: &TestJob) {
-        for asked in [job.asked, job.stays].into_iter().flatten() {
-            self.ask_aside(Ask::Forget(asked), Then::Service(Service::Test(Ending::Nothing)));
+        for request in [job.asked, job.stays].into_iter().flatten() {
+            self.forget_aside(request);
         }
+    }
+
+    fn forget_aside(&mut self, request: u64) {
+        let ask = Ask::Forget { request, patience: 0 };
+        self.ask_aside(ask, Then::Service(Service::Test(Ending::Nothing)));
     }
 
     /// A job that has given its result is not armed. What is under way still comes, before the answer.
@@ -341,31 +326,26 @@ impl Connection {
             return Ok(Step::Answer(self.test_done(reference, sub::TEST_DISABLE)));
         }
         let (asked, stays) = (job.asked, job.stays);
-        let last = asked.or(stays).ok_or(Code::TEST_JOB)?;
+        let ask = job.last_ask().ok_or(Code::TEST_JOB)?;
         job.fired = false;
         if let (Some(_), Some(stays)) = (asked, stays) {
-            self.ask_aside(Ask::Forget(stays), Then::Service(Service::Test(Ending::Nothing)));
+            self.forget_aside(stays);
         }
-        Ok(Self::later(Ask::Forget(last), Service::Test(Ending::Disabled { job: id })))
+        Ok(Self::later(ask, Service::Test(Ending::Disabled { job: id })))
     }
 
     fn delete(&mut self, reference: u16, id: u8) -> Step {
         let Some(job) = self.tests.find(id) else { return Step::Silence };
         job.goes = true;
         let (asked, stays) = (job.asked, job.stays);
-        match (asked, stays) {
-            (None, None) => {
-                self.tests.jobs.retain(|job| job.id != id);
-                Step::Answer(self.test_done(reference, sub::TEST_DELETE))
-            }
-            (Some(first), Some(last)) => {
-                self.ask_aside(Ask::Forget(first), Then::Service(Service::Test(Ending::Nothing)));
-                Self::later(Ask::Forget(last), Service::Test(Ending::Deleted { job: id }))
-            }
-            (Some(asked), None) | (None, Some(asked)) => {
-                Self::later(Ask::Forget(asked), Service::Test(Ending::Deleted { job: id }))
-            }
+        let Some(ask) = job.last_ask() else {
+            self.tests.jobs.retain(|job| job.id != id);
+            return Step::Answer(self.test_done(reference, sub::TEST_DELETE));
+        };
+        if let (Some(_), Some(stays)) = (asked, stays) {
+            self.forget_aside(stays);
         }
+        Self::later(ask, Service::Test(Ending::Deleted { job: id }))
     }
 
     /// For each job its function, its number, and whether it is armed; this service too is a job.
@@ -458,18 +438,15 @@ impl Connection {
         }
     }
 
+    /// The block is the same as before the pass, or not.
     fn places_again(&mut self, id: u8, request: u64, reply: Reply) {
         let Some(job) = self.tests.find(id).filter(|job| job.asked == Some(request)) else { return };
         job.asked = None;
-        if job.goes {
-            return;
-        }
-        if let Err(why) = self.places_came(id, reply, false) {
-            return self.ends(id, why);
-        }
-        if let Some(TestJob { what: What::Block(watch), .. }) = self.tests.find(id) {
-            let order = watch.order();
-            self.armed(id, Ask::Pass(order), Ending::Result { job: id });
+        let seen = job.seen.take();
+        match (self.places_came(id, reply, false), seen) {
+            (Err(why), _) => self.ends(id, why),
+            (Ok(()), Some((code, data))) => self.fires(id, code, &data),
+            (Ok(()), None) => {}
         }
     }
 
@@ -503,20 +480,30 @@ impl Connection {
             (What::Block(_), _) => Seen::Later,
         };
         match seen {
-            Seen::Result(code, data) => {
-                job.fired = true;
-                let push = result(job.function, id, job.trigger.class(), code, &data);
-                let gone = job.once && !job.goes;
-                if gone {
-                    self.tests.jobs.retain(|job| job.id != id);
+            Seen::Result(code, data) => match &job.what {
+                What::Block(watch) if wanted => {
+                    let ask = Ask::Code { block: watch.block(), wanted: watch.wanted() };
+                    job.seen = Some((code, data));
+                    self.armed(id, ask, Ending::Places { job: id });
                 }
-                self.push_result(&push, id);
-            }
+                _ => self.fires(id, code, &data),
+            },
             Seen::Ends(why) => self.ends(id, why),
             Seen::Waits if wanted => self.arm(id),
             Seen::Later if wanted => job.again = true,
             Seen::Waits | Seen::Later => {}
         }
+    }
+
+    /// The result of a job.
+    fn fires(&mut self, id: u8, code: Code, data: &[u8]) {
+        let Some(job) = self.tests.find(id) else { return };
+        job.fired = true;
+        let push = result(job.function, id, job.trigger.class(), code, data);
+        if job.once && !job.goes {
+            self.tests.jobs.retain(|job| job.id != id);
+        }
+        self.push_result(&push, id);
     }
 
     /// The partner has disabled or deleted the job, and waits for the answer.
