@@ -17,7 +17,7 @@ use ob1_tests::s7_raw::Raw;
 use crate::common::site::Site;
 
 /// Of all requests, so many in a thousand are answered as the CPU answered, at least.
-const FLOOR: usize = 850;
+const FLOOR: usize = 1000;
 /// How long an answer, and a message that the recording has, are waited for.
 const ANSWER: Duration = Duration::from_secs(4);
 const MESSAGE: Duration = Duration::from_millis(500);
