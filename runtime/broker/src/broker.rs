@@ -1,16 +1,14 @@
 //! The broker itself: takes requests of links, carries out what is allowed, and reports the outcome.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::io;
 use std::os::fd::OwnedFd;
 use std::time::{self, Duration};
 
-use ob1_access::Cell;
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
-use ob1_model::{Area, BlockId, BlockKind, DebugOrder, Event, Forced, ForcedArea, PointItem, StateChange};
+use ob1_model::{DebugOrder, Event, Forced, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -19,6 +17,7 @@ use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
 use crate::port::{Asker, Port};
+use crate::rights::{list, may_force, may_touch, word};
 use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig, LinkState};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -576,43 +575,5 @@ impl Broker {
     #[must_use]
     pub fn window(&self, link: usize) -> Option<WindowReader> {
         self.joints.get(link).map(|joint| joint.window().clone())
-    }
-}
-
-/// Blocks in words.
-fn list(ids: impl Iterator<Item = BlockId>) -> String {
-    let mut text = String::new();
-    for id in ids {
-        // Writing into a String cannot fail.
-        let _ = write!(text, "{}{id}", if text.is_empty() { "" } else { ", " });
-    }
-    text
-}
-
-/// A cell may be forced if its area may be written.
-fn may_force(cell: &Forced, config: &LinkConfig) -> Result<(), Refusal> {
-    let at = match cell.area {
-        ForcedArea::Input => Cell::Area(Area::Input, cell.bit),
-        ForcedArea::Output => Cell::Area(Area::Output, cell.bit),
-        ForcedArea::Memory => Cell::Area(Area::Memory, cell.bit),
-        ForcedArea::PeripheralInput | ForcedArea::PeripheralOutput => Cell::Peripheral(cell.bit),
-    };
-    if config.allowed.has(at) { Ok(()) } else { Err(Refusal::Right) }
-}
-
-/// A data block may be seen or changed if its values may be, a block of statements if the program may be.
-fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal> {
-    let is_data = id.kind == BlockKind::Db;
-    let allowed = if is_data { config.allowed.has(Cell::Db(id.number, 0)) } else { config.allowed.has_program() };
-    if allowed { Ok(()) } else { Err(Refusal::Right) }
-}
-
-/// What is asked about breakpoints, in a word for the record.
-const fn word(order: &DebugOrder) -> &'static str {
-    match order {
-        DebugOrder::Breakpoints(_) => "breakpoints",
-        DebugOrder::Hold { resume: None, .. } => "wait for HOLD",
-        DebugOrder::Hold { .. } => "leave HOLD",
-        DebugOrder::End => "no breakpoints",
     }
 }

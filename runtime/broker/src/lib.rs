@@ -19,6 +19,7 @@ mod feed;
 mod joint;
 mod logins;
 mod port;
+mod rights;
 mod thread;
 
 pub use broker::Broker;

@@ -27,7 +27,8 @@ pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
         // end, RUN to STOP, code addresses; so many bytes, items and lines in a job.
         2 => record
             .put(&[0, 0, 0, 0, 0, 0, 0, 0, 8, 0, 0, 0])
-            .put(&[0x3C, 0x01, 0x08, 0, 0, 0, 0x7D, 0, 0, 0x05, 0x03, 0x0F, 0, 0])
+            // Triggers: at once, cycle start and end, RUN to STOP, code address area.
+            .put(&[0x3C, 0x01, 0x08, 0, 0, 0, 0x5D, 0, 0, 0x05, 0x03, 0x0F, 0, 0])
             .word(0x0800)
             .word(12)
             .word(10)
