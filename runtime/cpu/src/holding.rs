@@ -6,7 +6,8 @@
 //! goes on. ("Programming with STEP 7", 21.3 and 27.1)
 
 use ob1_model::{
-    BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, HELD_LOCAL, Held, HeldBlock, PASS_WAIT, Resume,
+    BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, HELD_LOCAL, Held, HeldBlock, PASS_WAIT, Point,
+    Resume,
 };
 use ob1_time::{Instant, Span};
 
@@ -336,6 +337,7 @@ impl Context<'_> {
                 None => {}
             }
             self.exchange.serve(machine, OperatingState::Hold);
+            machine.point(Point::Now, self.exchange);
             machine.serve_debugger(blocks, OperatingState::Hold, Some(r), self.exchange);
             if let Some(told) = machine.debugging.told.take() {
                 break told;

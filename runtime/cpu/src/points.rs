@@ -5,6 +5,7 @@
 
 use ob1_model::{POINT_JOBS, Piece, Point, PointItem, PointOrder};
 
+use crate::exchange::Exchange;
 use crate::machine::Machine;
 use crate::{CellError, Cpu, cells};
 
@@ -132,24 +133,32 @@ impl Cpu {
     /// The cycle has come to a point.
     #[inline]
     pub(crate) fn point(&mut self, point: Point) {
-        if self.machine.points.awaited & bit(point) != 0 {
-            self.jobs_at(point);
+        self.machine.point(point, &mut self.exchange);
+    }
+}
+
+impl Machine {
+    /// The same, in HOLD too.
+    #[inline]
+    pub(crate) fn point(&mut self, point: Point, exchange: &mut Exchange) {
+        if self.points.awaited & bit(point) != 0 {
+            self.jobs_at(point, exchange);
         }
     }
 
     #[cold]
-    fn jobs_at(&mut self, point: Point) {
-        let mut points = std::mem::take(&mut self.machine.points);
+    fn jobs_at(&mut self, point: Point, exchange: &mut Exchange) {
+        let mut points = std::mem::take(&mut self.points);
         for place in &mut points.jobs {
             let Some(job) = place.as_mut().filter(|job| job.order.point == point) else { continue };
-            job.run(&mut self.machine);
+            job.run(self);
             if !job.order.stays
                 && let Some(job) = place.take()
             {
-                self.exchange.give_back_point(job);
+                exchange.give_back_point(job);
             }
         }
         points.look();
-        self.machine.points = points;
+        self.points = points;
     }
 }
