@@ -252,7 +252,7 @@ mod tests {
         for event in Event::ALL {
             let change = event.state_change();
             let stops = matches!(change, Some(StateChange::Stop | StateChange::Fault));
-            let says = event.text().starts_with("STOP") || event == Event::MEMORY_RESET;
+            let says = event.text().starts_with("STOP") || matches!(event, Event::MEMORY_RESET | Event::HOLD_STOPPED);
             assert_eq!(stops, says, "{:04X}h {}", event.0, event.text());
         }
         assert_eq!(Event::STOP_DIAGNOSIS.state_change(), Some(StateChange::Fault));

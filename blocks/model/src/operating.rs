@@ -16,6 +16,9 @@ pub enum OperatingState {
 }
 
 impl OperatingState {
+    /// Every state, by its number.
+    pub const ALL: [Self; 4] = [Self::Stop, Self::Startup, Self::Run, Self::Hold];
+
     /// `STOP`, `STARTUP`, `RUN`, `HOLD`.
     #[must_use]
     pub const fn name(self) -> &'static str {

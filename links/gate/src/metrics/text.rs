@@ -29,9 +29,6 @@ const BOUNDS: [u64; 19] = [
     5_000_000_000,
     10_000_000_000,
 ];
-/// Operating states.
-const STATES: [&str; 3] = [OperatingState::Stop.name(), OperatingState::Startup.name(), OperatingState::Run.name()];
-
 /// The documents of the station.
 pub(super) struct Told {
     pub(super) status: Value,
@@ -171,7 +168,7 @@ fn cpu(page: &mut Page, told: &Told) {
     let version = env!("CARGO_PKG_VERSION");
     page.sample("ob1_station_info", &[("station", text(&status["station"])), ("version", version)], 1.0);
     page.family("ob1_cpu_state", "stateset", "the operating state of the CPU");
-    for state in STATES {
+    for state in OperatingState::ALL.map(OperatingState::name) {
         let is = if text(&status["state"]) == state { 1.0 } else { 0.0 };
         page.sample("ob1_cpu_state", &[("ob1_cpu_state", state)], is);
     }

@@ -282,7 +282,7 @@ fn outputs_are_safe_while_it_holds_and_come_back() {
         s.ask(wait());
         s.cycle(vec![DebugOrder::Breakpoints(vec![]), go(Resume::Run)]);
         module.look(|seen| {
-            assert_eq!((seen.disabled.as_slice(), seen.outputs.as_slice()), (&[true, false][..], &[1, 77][..]))
+            assert_eq!((seen.disabled.as_slice(), seen.outputs.as_slice()), (&[true, false][..], &[1, 77][..]));
         });
         s.ask(at(ob(1), 4));
         s.ask(wait());

@@ -367,6 +367,9 @@ pub(crate) fn compare_held(seed: u64) -> Result<(bool, u64), String> {
     Ok((ran, holds))
 }
 
+/// Prepares the other CPU for a scan.
+type BeforeScan<'a> = dyn FnMut(&mut Cpu, u32, &Rc<RefCell<Device>>) + 'a;
+
 /// What happens on the other CPU besides.
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
@@ -380,7 +383,7 @@ fn compared(
     scans: u32,
     others: &[&dyn Factory],
     beside: Beside,
-    before_scan: &mut dyn FnMut(&mut Cpu, u32, &Rc<RefCell<Device>>),
+    before_scan: &mut BeforeScan<'_>,
 ) -> Result<bool, String> {
     let mut random = Random::new(seed);
     let (program, config) = program(&mut random);
