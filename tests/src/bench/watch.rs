@@ -35,6 +35,8 @@ struct Bench {
     clock: MonotonicClock,
     /// A small block that runs in each scan.
     block: BlockId,
+    /// Jobs at the CPU; those of a round come back in the next one.
+    under_way: usize,
 }
 
 impl Bench {
@@ -49,27 +51,27 @@ impl Bench {
         let block = small.min_by_key(|block| block.ops.len()).ok_or("no block is long enough")?.id;
         let link = cpu.link(Box::new(NoWindow)).ok_or("no room for a link")?;
         cpu.request(Command::Run);
-        Ok(Self { cpu, link, clock: MonotonicClock::start(), block })
+        Ok(Self { cpu, link, clock: MonotonicClock::start(), block, under_way: 0 })
     }
 
     /// The 99th percentile of a scan in nanoseconds, and the passes that were seen.
     fn round(&mut self, watches: bool) -> Result<(f64, usize), Failure> {
-        let (mut times, mut passes, mut under_way) = (Vec::new(), 0, 0);
+        let (mut times, mut passes) = (Vec::new(), 0);
         let began = self.clock.time();
         while self.clock.time().since(began) < ROUND {
             while let Some(returned) = self.link.take() {
                 if let Returned::Pass(job) = returned {
-                    under_way -= 1;
+                    self.under_way -= 1;
                     passes += usize::from(job.pass().end == PassEnd::Whole);
                 }
             }
             // The CPU makes no more than ten passes a second for each.
-            while watches && under_way < PASS_JOBS {
+            while watches && self.under_way < PASS_JOBS {
                 let wait = Span::from_secs(1).nanos();
                 let order =
                     PassOrder { block: self.block, from: None, db: 0, first: 0, count: LINES, wait, before: false };
                 self.link.pass(PassJob::new(1, order)).map_err(|why| format!("{why:?}"))?;
-                under_way += 1;
+                self.under_way += 1;
             }
             let from = Instant::now();
             if self.cpu.cycle(&mut self.clock).state != OperatingState::Run {
