@@ -172,6 +172,7 @@ fn cpu(page: &mut Page, told: &Told) {
         let is = if text(&status["state"]) == state { 1.0 } else { 0.0 };
         page.sample("ob1_cpu_state", &[("ob1_cpu_state", state)], is);
     }
+    page.gauge("ob1_forced_cells", "cells that an operator has forced", list(&status["forced"]).len() as f64);
     page.gauge("ob1_runtime_seconds", "since the runtime started", seconds(number(&status["runtime_ns"])));
     for (name, key, help) in [
         ("ob1_scans", "scans", "finished cycles in RUN"),
@@ -319,7 +320,7 @@ mod tests {
         Told {
             status: json!({
                 "station": "pr\"ess", "state": "RUN", "runtime_ns": 2_000_000_000u64, "log_lost": 3,
-                "stands_s": 4, "engine_lacks": "killed",
+                "stands_s": 4, "forced": ["E0.0=1", "AW4=16#00FF"], "engine_lacks": "killed",
                 "memory": { "resident_kib": 2, "threads": 9 }, "retentive": { "age_ns": 5e9, "error": null },
                 "modules": [{
                     "name": "cp", "type": "cp340", "present": true, "leds": ["TXD"],
@@ -347,6 +348,7 @@ mod tests {
             r#"ob1_station_info{station="pr\"ess",version="0.1.0"} 1"#,
             r#"ob1_cpu_state{ob1_cpu_state="RUN"} 1"#,
             r#"ob1_cpu_state{ob1_cpu_state="STOP"} 0"#,
+            "ob1_forced_cells 2",
             "ob1_runtime_seconds 2",
             "ob1_scans_total 4",
             r#"ob1_scan_cycle_seconds_bucket{le="0.00001"} 2"#,
