@@ -1,7 +1,8 @@
 //! What every process of a station does at its start and at its edges: it confines itself, starts its log, takes its
 //! signals and the descriptors that the runtime hands over, reads its doorbell, and lets others listen to its lines.
 
-// Fenced by the house rules: closing the descriptors that nobody has asked for has no safe wrapper.
+// Fenced by the house rules: closing the descriptors that nobody has asked for, and the change of user, have no safe
+// wrapper.
 #![allow(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 

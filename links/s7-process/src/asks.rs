@@ -11,7 +11,7 @@ use ob1_model::{BlockId, BlockKind, Cell, GROUP_ENTRIES, Piece, Put, WRITE_BYTES
 use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
-use ob1_s7::server::{Ask, CodePlaces, Control, Listed, Loaded, Reply, Request};
+use ob1_s7::server::{Ask, CodePlaces, Control, Listed, Loaded, OPERATING_STATE, Reply, Request, STATE_AT};
 use ob1_s7::wire::{Address, DateTime, values_mut};
 
 use crate::armed::Armed;
@@ -34,9 +34,6 @@ const LOOK: Duration = Duration::from_millis(20);
 /// RET_VAL of SFC 51: no such list, no such index.
 const NO_LIST: u16 = 0x8082;
 const NO_INDEX: u16 = 0x8083;
-/// The list of the operating state; in its record the state is the low half of this byte.
-const OPERATING_STATE: u16 = 0x0424;
-const STATE_AT: usize = 3;
 const STARTUP: u8 = 0x06;
 const RUN: u8 = 0x08;
 

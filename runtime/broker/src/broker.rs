@@ -357,11 +357,11 @@ impl Broker {
                 if self.joints.iter().enumerate().any(|(index, joint)| joint.is_debugged(mine(index))) {
                     return Err(Refusal::Full);
                 }
-                self.record(asker.link, asker.client, word(&order), "taken", now);
                 let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
-                joint.debugs(asker.client, &order);
                 let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
-                client.take(Job::Debug(asker.ticket, order))?;
+                client.take(Job::Debug(asker.ticket, order.clone()))?;
+                joint.debugs(asker.client, &order);
+                self.record(asker.link, asker.client, word(&order), "taken", now);
                 return Ok(None);
             }
             Ask::Point(order) => {

@@ -36,9 +36,6 @@ impl Cpu {
         self.machine.hot.now = self.machine.hot.now.max(self.machine.time(clock));
         self.machine.memory.reuse_deleted();
         self.machine.serve_port(&self.blocks, self.state);
-        if self.machine.forces_all() != self.machine.watching.forced() {
-            self.arm();
-        }
         if self.machine.attention.take_halt() {
             self.machine.wanted = Some(Command::Stop);
         }
@@ -144,7 +141,7 @@ impl Cpu {
         if self.machine.debugging.is_busy() {
             self.breakpoints();
         }
-        if self.machine.watching.is_busy() || self.machine.debugging.is_changing() {
+        if self.machine.watching.is_busy() || self.machine.runs_every() != self.machine.watching.every() {
             self.passes();
         }
         self.point(Point::Now);

@@ -29,7 +29,7 @@ const GROUPS: usize = 8;
 
 /// What a link watches, as the scan copies it.
 #[derive(Debug)]
-struct Watch {
+pub(crate) struct Watch {
     generation: u64,
     steps: Box<[Step]>,
     copies: Box<[Copied]>,
@@ -162,7 +162,7 @@ enum Order {
 }
 
 /// From the CPU.
-enum Back {
+pub(crate) enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
@@ -354,24 +354,10 @@ impl Exchange {
         }
     }
 
-    /// A job has ended.
-    pub(crate) fn give_back(&mut self, job: Box<PassJob>) {
-        if let Some(end) = self.ends.get_mut(job.link) {
-            let _ = end.back.push(Back::Pass(job));
-        }
-    }
-
-    /// An order about breakpoints is done.
-    pub(crate) fn give_back_debug(&mut self, job: Box<DebugJob>) {
-        if let Some(end) = self.ends.get_mut(job.link) {
-            let _ = end.back.push(Back::Debug(job));
-        }
-    }
-
-    /// Its point has come.
-    pub(crate) fn give_back_point(&mut self, job: Box<PointJob>) {
-        if let Some(end) = self.ends.get_mut(job.link) {
-            let _ = end.back.push(Back::Point(job));
+    /// A job of this link has ended.
+    pub(crate) fn give_back(&mut self, link: usize, job: Back) {
+        if let Some(end) = self.ends.get_mut(link) {
+            let _ = end.back.push(job);
         }
     }
 

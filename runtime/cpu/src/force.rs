@@ -13,10 +13,7 @@ use ob1_model::{FORCED_300, FORCED_400, Forced, ForcedArea, Width};
 
 use crate::arena::Range;
 use crate::machine::Machine;
-use crate::{CellError, Cpu, Family};
-
-/// Bytes written to modules at one time, at most: a consistent area of DP has 240.
-const LONGEST: usize = 1024;
+use crate::{CellError, Cpu, Family, IoError};
 
 /// A step of setting what is forced: the cells come one by one, and are taken together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,16 +147,18 @@ impl Machine {
         }
     }
 
-    /// Peripheral bytes are about to be written: what is written instead, if anything is forced.
-    #[inline]
-    pub(crate) fn cover_write<'b>(&self, address: u32, from: &[u8], room: &'b mut [u8; LONGEST]) -> Option<&'b [u8]> {
-        if !self.forces_all() {
-            return None;
+    /// Writes peripheral bytes, with what is forced in place of what the program has written.
+    #[cold]
+    pub(crate) fn write_covered(&mut self, address: u32, from: &[u8]) -> Result<(), IoError> {
+        // No longer area is consistent: of DP the longest has 240 bytes.
+        let mut room = [0; 256];
+        for (at, part) in (address..).step_by(room.len()).zip(from.chunks(room.len())) {
+            let covered = &mut room[..part.len()];
+            covered.copy_from_slice(part);
+            self.force.cover(false, at, covered);
+            self.write_modules(at, covered)?;
         }
-        let room = room.get_mut(..from.len())?;
-        room.copy_from_slice(from);
-        self.force.cover(false, address, room);
-        Some(room)
+        Ok(())
     }
 
     /// A step of setting what is forced.

@@ -13,7 +13,7 @@ use ob1_time::{Instant, Span};
 
 use crate::context::{Blocks, Context};
 use crate::engine::{Caller, Regs};
-use crate::exchange::Exchange;
+use crate::exchange::{Back, Exchange};
 use crate::machine::Machine;
 use crate::watching::Entering;
 use crate::{Abort, Clock, Command, Cpu, DiagBuffer, OperatingState, ShortText};
@@ -88,8 +88,6 @@ pub(crate) struct Debugging {
     jobs: [Option<Box<DebugJob>>; JOBS],
     /// What a CPU in HOLD has been told.
     told: Option<Told>,
-    /// Every block runs statement by statement, as the engine has been told.
-    pub(crate) every: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,7 +102,7 @@ impl Debugging {
         Self { stack: Vec::with_capacity(DEEPEST), ..Self::default() }
     }
 
-    /// Every block runs statement by statement.
+    /// There is something to hold at.
     pub(crate) fn is_armed(&self) -> bool {
         self.step.is_some() || self.breakpoints.iter().any(Option::is_some)
     }
@@ -112,11 +110,6 @@ impl Debugging {
     /// Another program takes over: no breakpoints.
     pub(crate) fn forget(&mut self) {
         (self.breakpoints, self.step) = ([None; BREAKPOINTS], None);
-    }
-
-    /// The engine is to be told.
-    pub(crate) fn is_changing(&self) -> bool {
-        self.every != self.is_armed()
     }
 
     /// There is something to do at the cycle control point.
@@ -133,16 +126,12 @@ impl Debugging {
         None
     }
 
-    /// A block is entered; whether it must run statement by statement.
-    pub(crate) fn entered(&mut self, entering: &Entering, ob: u16, r: &Regs) -> bool {
-        if !self.every {
-            return false;
-        }
+    /// A block is entered that runs statement by statement.
+    pub(crate) fn entered(&mut self, entering: &Entering, ob: u16, r: &Regs) {
         if self.stack.len() < self.stack.capacity() {
             let &Entering { run, block, .. } = entering;
             self.stack.push(Running { run, block, statement: 0, blocks: [r.db.number, r.di.number], ob });
         }
-        true
     }
 
     pub(crate) fn left(&mut self, run: u32) {
@@ -199,7 +188,7 @@ impl Machine {
             match end {
                 Some(end) => {
                     job.answer.end = end;
-                    exchange.give_back_debug(job);
+                    exchange.give_back(job.link, Back::Debug(job));
                 }
                 // It waits for the next hold; who waited before learns how it is now.
                 None => {
@@ -207,7 +196,7 @@ impl Machine {
                         job.until = now.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
                     }
                     if let Some(before) = self.debugging.waiting.replace(job) {
-                        exchange.give_back_debug(before);
+                        exchange.give_back(before.link, Back::Debug(before));
                     }
                 }
             }
@@ -224,7 +213,7 @@ impl Machine {
             if let (DebugEnd::Held, Some(r)) = (end, here) {
                 self.show(&mut job.answer.held, blocks, r);
             }
-            exchange.give_back_debug(job);
+            exchange.give_back(job.link, Back::Debug(job));
         }
     }
 

@@ -192,8 +192,14 @@ impl Machine {
             self.memory.bytes[at..at + from.len()].copy_from_slice(from);
             return Ok(());
         }
-        let mut room = [0; _];
-        let from = self.cover_write(address, from, &mut room).unwrap_or(from);
+        if self.forces_all() {
+            return self.write_covered(address, from);
+        }
+        self.write_modules(address, from)
+    }
+
+    /// Writes what the program has written, or what is forced in its place.
+    pub(crate) fn write_modules(&mut self, address: u32, from: &[u8]) -> Result<(), IoError> {
         match self.tape.take() {
             None => self.modules.write(address, from)?,
             Some(tape) => self.write_on_tape(tape, address, from)?,

@@ -8,6 +8,7 @@ use ob1_model::{BlockId, BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass,
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Caller, Regs, Watched};
+use crate::exchange::Back;
 use crate::machine::Machine;
 use crate::{Cpu, CpuConfig};
 
@@ -165,8 +166,6 @@ pub(crate) struct Watching {
     watched: Watched,
     /// The newest number of a run of a block.
     run: u32,
-    /// Values are forced in all memory: as the engine has been told.
-    forced: bool,
 }
 
 impl Watching {
@@ -204,9 +203,10 @@ impl Watching {
         self.run
     }
 
-    /// The engine has been told that values are forced.
-    pub(crate) fn forced(&self) -> bool {
-        self.forced
+    /// Every block runs statement by statement, as the engine has been told.
+    #[inline]
+    pub(crate) const fn every(&self) -> bool {
+        self.watched.every
     }
 
     /// What the engine is to be told.
@@ -316,6 +316,11 @@ impl Machine {
         }
     }
 
+    /// Every block is to run statement by statement.
+    pub(crate) fn runs_every(&self) -> bool {
+        self.debugging.is_armed() || self.forces_all()
+    }
+
     /// By how many statements a pass may make a scan longer.
     fn pass_limit(&self) -> u32 {
         let CpuConfig { min_cycle, test_load, .. } = self.config;
@@ -372,7 +377,7 @@ impl Cpu {
         for (place, recent) in jobs.iter_mut().zip(recent) {
             if let Some(job) = place.take_if(|job| job.stage == Stage::Done) {
                 *recent = (Some(job.order.block), now.saturating_add(RECENT));
-                self.exchange.give_back(job);
+                self.exchange.give_back(job.link, Back::Pass(job));
             }
         }
         self.arm();
@@ -381,9 +386,7 @@ impl Cpu {
     /// Tells the engine what is watched, and whether every block must run statement by statement.
     pub(crate) fn arm(&mut self) {
         let mut wanted = self.machine.watching.wanted();
-        self.machine.debugging.every = self.machine.debugging.is_armed();
-        self.machine.watching.forced = self.machine.forces_all();
-        wanted.every = self.machine.debugging.every || self.machine.watching.forced;
+        wanted.every = self.machine.runs_every();
         if wanted != self.machine.watching.watched {
             self.machine.watching.watched = wanted;
             self.blocks.engine.watch(&wanted);
@@ -393,7 +396,6 @@ impl Cpu {
     /// Before another engine or another program takes over: no job is armed. Each waits for the next cycle control
     /// point.
     pub(crate) fn disarm(&mut self) {
-        self.machine.debugging.every = false;
         let watching = &mut self.machine.watching;
         if std::mem::take(&mut watching.watched) == Watched::default() {
             return;

@@ -27,8 +27,10 @@ const TESTS_INDEX: u16 = 2;
 const TESTS_AT: usize = 2;
 /// The extract of a list that stands for "header only".
 const HEADER_ONLY: u16 = 0x0F00;
-/// The list of the operating state.
-const STATE: u16 = 0x0424;
+/// The list of the operating state; in its record the state is the low half of this byte.
+pub const OPERATING_STATE: u16 = 0x0424;
+/// The offset of that byte.
+pub const STATE_AT: usize = 3;
 /// The header of the list of connections, and the places that it tells though nothing is in them. [recorded]
 const CONNECTIONS: u16 = 0x0F3A;
 const PLACES: u16 = 8;
@@ -51,7 +53,7 @@ impl Connection {
             count => count as u16,
         };
         // There is one record whatever is asked, and the answer says so.
-        let index = if id == STATE { 0 } else { index };
+        let index = if id == OPERATING_STATE { 0 } else { index };
         for word in [id, index, record, count] {
             out.extend_from_slice(&word.to_be_bytes());
         }

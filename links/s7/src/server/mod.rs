@@ -21,6 +21,7 @@ mod var;
 use std::collections::VecDeque;
 
 pub use ask::{Access, Ask, CodePlaces, Control, CpuEvent, Listed, Loaded, Put, Reply, Request};
+pub use lists::{OPERATING_STATE, STATE_AT};
 
 use crate::iso::{Broken, Call, Event, Refusal, Transport};
 use crate::wire::{BlockType, MAX_TELEGRAM};

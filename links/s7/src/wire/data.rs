@@ -9,7 +9,8 @@ const BYTES_IN_BITS: u8 = 0x04;
 const INTEGER_IN_BITS: u8 = 0x05;
 const OCTETS: [u8; 4] = [0x06, REAL, OCTET, 0x00];
 const REAL: u8 = 0x07;
-const OCTET: u8 = 0x09;
+/// Counted in bytes, as data of user data are, too.
+pub(crate) const OCTET: u8 = 0x09;
 
 /// The transport size of a type in an answer.
 #[must_use]

@@ -12,6 +12,7 @@ mod userdata;
 pub use address::{Address, Area, BadItem, DataType, Items};
 pub use block::{BlockInfo, BlockName, BlockType, FileSystem, INFO_BYTES, values_mut};
 pub use clock::{CLOCK_BYTES, DateTime};
+pub(crate) use data::OCTET;
 pub use data::{DataItem, DataItems, bytes_of, transport_of, write_item, write_refused};
 pub use password::{PASSWORD_BYTES, decode as decode_password, encode as encode_password};
 pub use pdu::{ANSWER_HEAD, JOB_HEAD, Kind, MAX_TELEGRAM, Pdu, function, write};

@@ -1,7 +1,7 @@
 //! The telegrams of the sending blocks of two CPUs: USEND and BSEND. BSEND splits its data into parts, each with an
 //! answer.
 
-use super::{Kind, write};
+use super::{Kind, OCTET, write};
 use crate::codes::Code;
 use crate::wire::{Group, JOB_HEAD, Telegram, UserData};
 
@@ -10,8 +10,6 @@ const R_ID: [u8; 4] = [0x12, 6, 0x13, 0];
 const HEAD: [u8; 3] = [0, 1, 0x12];
 /// Parameters of a part of BSEND: length, long form, a job of the group, BSEND, sequence.
 const BSEND: [u8; 5] = [8, 0x12, 0x46, 1, 0];
-/// Data counted in bytes.
-const OCTET: u8 = 0x09;
 /// Header, parameters, data header and R_ID of a part.
 const PART: usize = JOB_HEAD + 12 + 4 + 8;
 /// Header, parameters, return code and count, and the header of an item of USEND.

@@ -2,13 +2,12 @@
 
 use std::fmt;
 
+use super::data::OCTET;
 use super::pdu::{JOB_HEAD, Kind, write};
 use crate::codes::{Code, ItemCode};
 
 /// Length of header, parameters and data header of a long answer.
 pub const USERDATA_HEAD: usize = JOB_HEAD + 12 + 4;
-/// Transport size of data: counted in bytes.
-const OCTET: u8 = 0x09;
 /// First bytes of the parameters.
 const HEAD: [u8; 3] = [0, 1, 0x12];
 /// The parameters are short (first job) or long (answer, message, job for the next part).

@@ -66,14 +66,16 @@ impl Context<'_> {
         let entering = Entering { block, caller, run, contains };
         let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
         let watched = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
-        let ob = self.machine.ob.number;
-        let probed = self.machine.debugging.entered(&entering, ob, r) || watched || self.machine.watching.forced();
-        Entered { entering, probed, statements: self.statements() }
+        let every = self.machine.watching.every();
+        if every {
+            self.machine.debugging.entered(&entering, self.machine.ob.number, r);
+        }
+        Entered { entering, probed: watched || every, statements: self.statements() }
     }
 
     /// It is left.
     pub fn leave(&mut self, entered: &Entered) {
-        if self.machine.watching.forced() {
+        if self.machine.forces_all() {
             self.machine.put_forced();
         }
         let inside = self.statements() - entered.statements;
@@ -90,7 +92,7 @@ impl Context<'_> {
     /// It has gone from HOLD to STOP.
     #[inline]
     pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) -> Result<(), Abort> {
-        if self.machine.watching.forced() {
+        if self.machine.forces_all() {
             self.machine.put_forced();
         }
         self.machine.watching.step(run, statement, r);

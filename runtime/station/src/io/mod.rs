@@ -146,7 +146,7 @@ struct IoModule {
     run: bool,
     /// HOLD: the outputs are in their safe state.
     disabled: bool,
-    /// What the CPU has given them.
+    /// In HOLD: what the CPU has given them.
     driven: Vec<u8>,
 }
 
@@ -186,12 +186,10 @@ impl Module for IoModule {
         if !self.run && !self.substitute.is_empty() {
             return Ok(());
         }
-        if let Some(driven) = self.driven.get_mut(usize::from(at)..usize::from(at) + from.len()) {
-            driven.copy_from_slice(from);
-        }
-        if let Ok(mut shared) = self.shared.try_lock()
+        if self.disabled {
+            self.driven[usize::from(at)..][..from.len()].copy_from_slice(from);
+        } else if let Ok(mut shared) = self.shared.try_lock()
             && !shared.off
-            && !self.disabled
         {
             shared.image.write_outputs(self.outputs_at + usize::from(at), from);
         }
@@ -210,15 +208,16 @@ impl Module for IoModule {
     }
 
     fn output_disable(&mut self, on: bool) {
-        self.disabled = on;
+        let was = std::mem::replace(&mut self.disabled, on);
         let Ok(mut shared) = self.shared.try_lock() else { return };
-        if shared.off {
+        if shared.off || was == on {
             return;
         }
         if !on {
             shared.image.write_outputs(self.outputs_at, &self.driven);
             return;
         }
+        shared.field.read_outputs(self.outputs_at, &mut self.driven);
         let substitute = self.substitute.iter().copied().chain(std::iter::repeat(0));
         for (at, byte) in (self.outputs_at..).zip(substitute.take(usize::from(self.outputs))) {
             shared.image.write_outputs(at, &[byte]);

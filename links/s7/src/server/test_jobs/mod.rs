@@ -13,6 +13,7 @@ use ob1_model::{Point, TEST_FUNCTIONS};
 use self::setup::{Begin, LENGTHS, Setup, Trigger, parts};
 use self::telegrams::{MESSAGE, answer, message, named, result};
 use self::watch::{Seen, Watch};
+use super::lists::{OPERATING_STATE, STATE_AT};
 use super::service::Service;
 use super::var::{Slot, addresses};
 use super::{Access, Ask, Connection, Job, Put, Reply, Step, Then};
@@ -22,9 +23,6 @@ use crate::wire::{USERDATA_HEAD, UserData, sub};
 
 /// Jobs of a connection.
 const JOBS: usize = 8;
-/// The list of the operating state; in its record the state is the low half of this byte.
-const OPERATING_STATE: u16 = 0x0424;
-const STATE_AT: usize = 3;
 const STOP: u8 = 0x04;
 /// How long the result of a job that ends may still come: a trigger of the cycle does, a STOP does not.
 const PATIENCE_MS: u64 = 250;
@@ -183,9 +181,13 @@ impl Connection {
 
     /// The job a service names.
     fn job_of(&self, service: &UserData<'_>) -> Result<u8, Code> {
-        let (function, number) = named(service)?;
-        let is_it = |job: &&TestJob| (job.function, job.id) == (function, number) && !job.goes;
-        self.tests.jobs.iter().find(is_it).map(|job| job.id).ok_or(Code::TEST_JOB)
+        self.known_job(named(service)?, Code::TEST_JOB)
+    }
+
+    /// The job of this function and number, or `why` there is none.
+    fn known_job(&self, (function, number): (u8, u8), why: Code) -> Result<u8, Code> {
+        let known = self.tests.jobs.iter().any(|job| (job.function, job.id) == (function, number) && !job.goes);
+        if known { Ok(number) } else { Err(why) }
     }
 
     /// Sets a job up, or another one in its place.
@@ -288,16 +290,14 @@ impl Connection {
         }
         let Some(job) = self.tests.find(id).filter(|job| job.asked.is_none()) else { return };
         (job.again, job.fired) = (false, false);
-        let at = |access| match job.trigger {
-            Trigger::Point(point) => Ask::At { point, stays: false, access },
-            Trigger::Code { .. } => Ask::At { point: Point::Now, stays: false, access },
+        let point = if let Trigger::Point(point) = job.trigger { point } else { Point::Now };
+        let at = |access| Ask::At { point, stays: false, access };
+        let ask = match &job.what {
+            What::Status(slots) => at(Access::Read(addresses(slots))),
+            What::Modify(_, puts) => at(Access::Write(puts.clone())),
+            What::Block(watch) => Ask::Pass(watch.order()),
         };
-        let (ask, ending) = match &job.what {
-            What::Status(slots) => (at(Access::Read(addresses(slots))), Ending::Result { job: id }),
-            What::Modify(_, puts) => (at(Access::Write(puts.clone())), Ending::Result { job: id }),
-            What::Block(watch) => (Ask::Pass(watch.order()), Ending::Result { job: id }),
-        };
-        self.armed(id, ask, ending);
+        self.armed(id, ask, Ending::Result { job: id });
     }
 
     fn armed(&mut self, id: u8, ask: Ask, ending: Ending) {
@@ -358,21 +358,16 @@ impl Connection {
     }
 
     fn read_job(&self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
-        let id = self.known_job(named(service)?)?;
+        let id = self.known_job(named(service)?, Code::TEST_NO_JOB)?;
         let request = self.tests.jobs.iter().find(|job| job.id == id).map_or(&[][..], |job| &job.request);
         Ok(Step::Answer(answer(reference, sub::TEST_READ, self.tests.free(), Code::DONE, request)))
-    }
-
-    fn known_job(&self, (function, number): (u8, u8)) -> Result<u8, Code> {
-        let known = self.tests.jobs.iter().any(|job| (job.function, job.id) == (function, number) && !job.goes);
-        if known { Ok(number) } else { Err(Code::TEST_NO_JOB) }
     }
 
     /// `0000`, function and number, then the new request.
     fn replace(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
         let (_, data) = parts(service.data)?;
         let (&[_, _, function, number], request) = data.split_first_chunk::<4>().ok_or(Code::TEST_DATA)?;
-        let id = self.known_job((function, number))?;
+        let id = self.known_job((function, number), Code::TEST_NO_JOB)?;
         self.set_up(reference, sub::TEST_REPLACE, function, id, request)
     }
 

@@ -3,13 +3,12 @@
 use crate::codes::{Code, ItemCode};
 use crate::server::var::{Slot, codes, values};
 use crate::server::{Put, Reply};
-use crate::wire::{Address, Area, DataItems, DataType};
+use crate::wire::{Address, Area, DataItems, DataType, OCTET};
 
 /// Bytes of an address.
 const ADDRESS: usize = 6;
 /// Bytes in front of a value: code, size, length.
 const VALUE: usize = 4;
-const OCTET: u8 = 0x09;
 
 /// Bytes of the value at an address, also where it cannot be served.
 fn value_bytes([kind, count, ..]: [u8; ADDRESS]) -> usize {
