@@ -76,7 +76,7 @@ impl Session {
     fn run(args: &DebugArgs) -> Result<Exit, AccessError> {
         let mut session = Self { client: Client::to_station(&args.station)?, places: Vec::new(), at: None };
         session.set(args.places.clone())?;
-        say!("{} breakpoints; help lists the commands", args.places.len());
+        say!("breakpoints: {}; help lists the commands", args.places.len());
         let mut lines = io::stdin().lock().lines();
         loop {
             says!("(ob1) ");
