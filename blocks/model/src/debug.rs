@@ -44,6 +44,11 @@ pub enum DebugOrder {
     },
     /// No breakpoints any more. A CPU in HOLD goes to STOP.
     End,
+    /// The stacks of a CPU in HOLD or in STOP; they change nothing.
+    Stack {
+        /// The local data of the block at this place of the stack: 0 is the innermost.
+        level: u8,
+    },
 }
 
 /// A block that runs, or has called another.
@@ -53,10 +58,17 @@ pub struct HeldBlock {
     pub block: BlockId,
     /// Its statement, from 0: the next of the innermost, of the others the call.
     pub statement: u32,
-    /// DB and DI register: of the innermost now, of the others when they were entered. 0: none is open.
+    /// DB and DI register: of the innermost now, of the others when they were entered, and in STOP at their call. 0:
+    /// none is open.
     pub blocks: [u16; 2],
     /// The organization block it runs in.
     pub ob: u16,
+    /// Its priority class.
+    pub priority: u8,
+    /// When it began, as a DATE_AND_TIME.
+    pub began: [u8; 8],
+    /// Where the statement lies in the block's machine code, in bytes, if that is known.
+    pub address: Option<u16>,
 }
 
 /// Where a CPU holds.
@@ -70,8 +82,10 @@ pub struct Held {
     pub accus: [u32; 4],
     /// AR1 and AR2.
     pub addresses: [u32; 2],
-    /// Local data of the innermost block, the first [`HELD_LOCAL`] bytes.
+    /// Local data of a block, the first [`HELD_LOCAL`] bytes: of the innermost, unless another was asked for.
     pub local: Vec<u8>,
+    /// Start information of the organization block that was under way.
+    pub start: [u8; 20],
 }
 
 /// How an order has ended.
@@ -95,6 +109,6 @@ pub enum DebugEnd {
 pub struct DebugAnswer {
     /// How the order has ended.
     pub end: DebugEnd,
-    /// Where it holds; of [`DebugEnd::Held`] alone.
+    /// Where it holds. In STOP, for who asks for the stacks: where the program has stopped, an empty stack if it has not.
     pub held: Held,
 }

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use ob1_access::door::{Answer, Ask as Question, Door, Refusal, Ticket};
-use ob1_model::{PassOrder, Point, PointItem, PointOrder};
+use ob1_model::{DebugOrder, PassOrder, Point, PointItem, PointOrder};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server::{Access, Put, Reply};
 
@@ -14,7 +14,7 @@ use crate::cells;
 pub(crate) struct Armed {
     pub(crate) id: u64,
     pub(crate) ticket: Ticket,
-    /// What is accessed; `None`: a pass.
+    /// What is accessed; `None`: a pass, or a hold.
     access: Option<Access>,
     /// How many items that are for the CPU.
     items: usize,
@@ -37,15 +37,18 @@ impl Armed {
         Self { id, ticket, access: Some(access), items: count, forgets: Vec::new(), forget_at: None }
     }
 
-    pub(crate) fn pass((id, client): (u64, u32), order: PassOrder, door: &mut Door) -> Self {
-        Self {
-            id,
-            ticket: door.ask(client, Question::Pass(order)),
-            access: None,
-            items: 0,
-            forgets: Vec::new(),
-            forget_at: None,
-        }
+    pub(crate) fn pass(whose: (u64, u32), order: PassOrder, door: &mut Door) -> Self {
+        Self::without_access(whose, Question::Pass(order), door)
+    }
+
+    /// Waits until the CPU holds.
+    pub(crate) fn hold(whose: (u64, u32), order: DebugOrder, door: &mut Door) -> Self {
+        Self::without_access(whose, Question::Debug(order), door)
+    }
+
+    fn without_access((id, client): (u64, u32), question: Question, door: &mut Door) -> Self {
+        let ticket = door.ask(client, question);
+        Self { id, ticket, access: None, items: 0, forgets: Vec::new(), forget_at: None }
     }
 
     /// It is not wanted any more, from this time on at the latest.

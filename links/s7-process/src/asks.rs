@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{Answer, Ask as Question, Command, Door, News, NotYet, Reading, Refusal, Ticket};
-use ob1_model::{BlockId, BlockKind, Cell, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_model::{BlockId, BlockKind, Cell, DebugOrder, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
@@ -34,6 +34,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// RET_VAL of SFC 51: no such list, no such index.
 const NO_LIST: u16 = 0x8082;
 const NO_INDEX: u16 = 0x8083;
+const STOP: u8 = 0x04;
 const STARTUP: u8 = 0x06;
 const RUN: u8 = 0x08;
 
@@ -167,6 +168,9 @@ impl Asks {
                     self.armed.push(Armed::at((id, client), point, stays, access, door));
                 }
                 Some(Request { id, ask: Ask::Pass(order) }) => self.armed.push(Armed::pass((id, client), order, door)),
+                Some(Request { id, ask: Ask::Debug(order @ DebugOrder::Hold { .. }) }) => {
+                    self.armed.push(Armed::hold((id, client), order, door));
+                }
                 Some(Request { id, ask: Ask::Forget { request, patience } }) => {
                     match self.armed.iter_mut().find(|armed| armed.id == request) {
                         Some(armed) => armed.forget(id, turn.around.now + Duration::from_millis(patience)),
@@ -243,6 +247,18 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
             Question::Delete(blocks.iter().map(|(ty, number)| BlockId::new(cells::kind(*ty), *number)).collect())
         }
         Ask::Szl { id, index } => Question::Szl { id, index },
+        Ask::Debug(order) => Question::Debug(order),
+        Ask::Forced => Question::Forced,
+        Ask::Force(puts) => {
+            let cells: Option<Vec<_>> = puts.iter().map(cells::forced).collect();
+            match cells {
+                Some(cells) => Question::Force(cells.concat()),
+                None => {
+                    (turn.reply)(id, Reply::Refused(Code::TEST_VARIABLE));
+                    return None;
+                }
+            }
+        }
         Ask::Code { block, wanted } => Question::Addresses { block, wanted },
         Ask::Blink => {
             tracing::info!("a programming device wants to see this CPU: its LED would flash");
@@ -454,7 +470,12 @@ impl Transition {
         };
         let runs = state.map(|state| matches!(state, RUN | STARTUP));
         let step = match step {
-            Step::Before(_) if runs == Some(control != Control::Stop) => {
+            // Memory reset is for a CPU in STOP.
+            Step::Before(_) if control == Control::Reset && state != Some(STOP) => {
+                (turn.reply)(id, Reply::Refused(Code::COORDINATION));
+                return None;
+            }
+            Step::Before(_) if control != Control::Reset && runs == Some(control != Control::Stop) => {
                 (turn.reply)(id, Reply::Already);
                 return None;
             }
@@ -462,6 +483,7 @@ impl Transition {
                 let command = match control {
                     Control::Stop => Command::Stop,
                     Control::Cold => Command::Cold,
+                    Control::Reset => Command::Reset,
                     _ => Command::Warm,
                 };
                 Step::Commanded(turn.around.door.ask(turn.client, Question::Command(command)))
@@ -474,7 +496,10 @@ impl Transition {
                 Step::After { ticket: None, look_at: turn.around.now, until: turn.around.now + TRANSITION }
             }
             Step::After { until, .. } => {
-                let reached = if control == Control::Stop { runs == Some(false) } else { state == Some(RUN) };
+                let reached = match control {
+                    Control::Stop | Control::Reset => runs == Some(false),
+                    _ => state == Some(RUN),
+                };
                 if reached || turn.around.now >= until {
                     (turn.reply)(id, if reached { Reply::Done } else { Reply::Refused(Code::COORDINATION) });
                     return None;
@@ -517,13 +542,13 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         Answer::Addresses(found) => {
             Reply::Code(CodePlaces { code: found.code, statements: found.statements, found: found.found.clone() })
         }
+        Answer::Debug(answer) => Reply::Debug(answer.clone()),
+        Answer::Forced(cells) => Reply::Forced(cells.clone()),
         Answer::Diagnostics(_)
         | Answer::Modules { .. }
         | Answer::Document { .. }
         | Answer::Pass(_)
-        | Answer::Forced(_)
-        | Answer::Point(_)
-        | Answer::Debug(_) => Reply::Refused(Code::SERVICE),
+        | Answer::Point(_) => Reply::Refused(Code::SERVICE),
     }
 }
 

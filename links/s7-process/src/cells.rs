@@ -1,7 +1,7 @@
 //! Addresses of S7 communication and cells of the CPU, kinds of blocks.
 
 use ob1_access::door::Refusal;
-use ob1_model::{Area as Place, BlockKind, Cell, CellError, Piece, Put, Width};
+use ob1_model::{Area as Place, BlockKind, Cell, CellError, Forced, ForcedArea, Piece, Put, Width};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server;
 use ob1_s7::wire::{Address, Area, BlockType, DataType};
@@ -112,6 +112,27 @@ pub(crate) fn puts(put: &server::Put) -> Result<Vec<Put>, ItemCode> {
             Ok(Put::Value(element(address, width, index), width, value))
         })
         .collect()
+}
+
+/// The cells that a value forces; `None`: such a cell cannot be forced over S7. A peripheral address does not say
+/// whether inputs or outputs are meant.
+pub(crate) fn forced(put: &server::Put) -> Option<Vec<Forced>> {
+    let Address { area, start, ty, .. } = put.address;
+    let area = match area {
+        Area::Inputs => ForcedArea::Input,
+        Area::Outputs => ForcedArea::Output,
+        Area::Memory => ForcedArea::Memory,
+        _ => return None,
+    };
+    let width = match ty.bytes() {
+        _ if ty == DataType::Bit => Width::Bit,
+        2 => Width::Word,
+        4 => Width::DWord,
+        _ => Width::Byte,
+    };
+    let elements = put.bytes.chunks(width.bytes().max(1) as usize).zip(0..);
+    let cell = |(bytes, index)| Forced { area, bit: start + index * u32::from(width.bits()), width, value: number(bytes) };
+    Some(elements.map(cell).collect())
 }
 
 fn number(bytes: &[u8]) -> u32 {

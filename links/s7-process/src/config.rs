@@ -129,6 +129,7 @@ impl Config {
             rights: rights(welcome.rights),
             has_password: unlocked.is_some(),
             connections: clients as u16,
+            is_400: welcome.family == 400,
             ..Settings::default()
         };
         let config = Self {

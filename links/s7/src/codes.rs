@@ -136,6 +136,8 @@ codes! {
     TEST_TIMES = 0xD009 "wrong number of executions";
     /// Not a trigger of this test function.
     TEST_TRIGGER = 0xD00A "the trigger is not possible";
+    /// A variable that cannot be forced.
+    TEST_VARIABLE = 0xD015 "the variable cannot be forced";
     /// The block of a block status does not exist.
     TEST_NO_BLOCK = 0xD011 "the block does not exist";
     /// No statement begins at an address of a block status.
@@ -158,12 +160,20 @@ codes! {
     TEST_DATA = 0xD05F "wrong data of a test function";
     /// No room for a test job.
     TEST_FULL = 0xD062 "no further test job is possible";
-    /// There are no stacks while the CPU runs.
+    /// There are breakpoints of somebody else, or as many as there can be.
+    TEST_TAKEN = 0xD063 "the trigger is taken";
+    /// There are no stacks while the CPU runs, nothing to leave without HOLD, no memory reset without STOP.
     TEST_NOT_IN_RUN = 0xD081 "not in this operating state";
     /// The protection level does not allow the test function.
     TEST_PROTECTED = 0xD0A1 "the protection level does not allow it";
+    /// Another job forces.
+    TEST_FORCED = 0xD0A4 "a job that forces exists already";
     /// No such test job, or it is not enabled.
     TEST_JOB = 0xD0A5 "there is no such test job, or it is not enabled";
+    /// The job cannot be enabled or disabled.
+    TEST_ALWAYS = 0xD0A6 "the job cannot be enabled or disabled";
+    /// The CPU does not give it.
+    TEST_NO_ACCESS = 0xD0C1 "access error";
     /// The CPU went to STOP in the pass; what ran until then is told.
     TEST_STOPPED = 0xD0C2 "the CPU went to STOP";
     /// The watched block has been changed or deleted.

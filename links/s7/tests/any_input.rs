@@ -82,11 +82,14 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
             let (words, more): (_, &[u8]) = match function {
                 2 => (test_words(begin, end, 8, trigger), &[]),
                 8 => (test_words(begin, end, 4, trigger), &[]),
+                7 | 9 => (test_words(0x0100, 2, 4, 0), &[]),
+                0x0A => (test_words(begin, end, 38, 0x0500), &[0, 12, 0, 7, 0, 0, 0, 10]),
                 _ => (test_words(begin, end, 30, trigger), &[0, 12, 0, 7, 0, 0, 0, 10]),
             };
             let data = match function {
                 2 => vec![0, 1, 2, 1, 0, 0, 0, 4],
-                8 => vec![0, 1, 1, 1, 0, 0, 0, 4, 0, 9, 0, 1, 0x55, 0],
+                7..=9 => vec![0, 1, 0x11, 1, 0, 0, 0, 4, 0, 9, 0, 1, 0x55, 0],
+                0x0B => vec![begin as u8, 0],
                 0x0D..=0x0F | 0x11 => vec![2 + begin as u8 * 6, number],
                 _ => vec![0, 1, 0, 7, 0, 0, 0, 3],
             };
@@ -206,6 +209,7 @@ proptest! {
         }
         prop_assert_eq!(&desk.cpu.blocks, &before.blocks);
         prop_assert_eq!(desk.cpu.runs, before.runs);
+        prop_assert_eq!((&desk.cpu.forced, &desk.cpu.orders), (&before.forced, &before.orders));
     }
 
     /// Unexpected replies, and replies of the wrong kind.

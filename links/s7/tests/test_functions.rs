@@ -331,18 +331,6 @@ fn what_is_wrong_with_a_set_up_is_told() {
     assert_eq!(told(&desk.test(0x06, &good)), [refused(0x06, 9, 0xD003)]);
 }
 
-#[test]
-fn there_are_no_stacks_while_the_cpu_runs() {
-    let mut desk = desk();
-    for (runs, code) in [(true, 0xD081), (false, 0xD003)] {
-        desk.cpu.runs = runs;
-        for function in [3, 4, 5] {
-            let request = test_data(test_words(0, 1, 0, 0), &[], &[0, 0]);
-            assert_eq!(told(&desk.test(function, &request)), [refused(function, 1, code)]);
-        }
-    }
-}
-
 // Block status.
 
 fn fc(number: u16) -> BlockId {

@@ -348,6 +348,13 @@ impl Broker {
                 client.take(Job::Pass(asker.ticket, order))?;
                 return Ok(None);
             }
+            Ask::Debug(order @ DebugOrder::Stack { .. }) => {
+                if !joint.config.allowed.has_program() {
+                    return Err(Refusal::Right);
+                }
+                client.take(Job::Debug(asker.ticket, order))?;
+                return Ok(None);
+            }
             Ask::Debug(order) => {
                 client.may_operate()?;
                 if let DebugOrder::Breakpoints(list) = &order {

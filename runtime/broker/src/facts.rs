@@ -71,6 +71,10 @@ pub trait Facts: Send {
     fn addresses(&self, _id: BlockId, _wanted: &[u16]) -> Option<Addresses> {
         None
     }
+    /// Where this statement of it lies in its machine code, in bytes.
+    fn address(&self, _id: BlockId, _statement: u32) -> Option<u16> {
+        None
+    }
     /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
     /// all links.
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]>;

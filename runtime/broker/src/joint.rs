@@ -367,7 +367,11 @@ impl Joint {
                 }
                 Returned::Debug(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
-                    self.answer(out.client, out.ticket, Answer::Debug(job.into_answer()));
+                    let mut answer = job.into_answer();
+                    for block in &mut answer.held.stack {
+                        block.address = facts.address(block.block, block.statement);
+                    }
+                    self.answer(out.client, out.ticket, Answer::Debug(answer));
                 }
                 Returned::Point(job) => {
                     let Some(out) = self.done(job.id()) else { continue };

@@ -43,5 +43,6 @@ pub(crate) const fn word(order: &DebugOrder) -> &'static str {
         DebugOrder::Hold { resume: None, .. } => "wait for HOLD",
         DebugOrder::Hold { .. } => "leave HOLD",
         DebugOrder::End => "no breakpoints",
+        DebugOrder::Stack { .. } => "stacks",
     }
 }

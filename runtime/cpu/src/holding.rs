@@ -6,8 +6,7 @@
 //! goes on. ("Programming with STEP 7", 21.3 and 27.1)
 
 use ob1_model::{
-    BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, HELD_LOCAL, Held, HeldBlock, PASS_WAIT, Point,
-    Resume,
+    BREAKPOINTS, BlockId, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, HeldBlock, PASS_WAIT, Point, Resume,
 };
 use ob1_time::{Instant, Span};
 
@@ -15,15 +14,14 @@ use crate::context::{Blocks, Context};
 use crate::engine::{Caller, Regs};
 use crate::exchange::{Back, Exchange};
 use crate::machine::Machine;
+use crate::stacks::{self, DEEPEST};
 use crate::watching::Entering;
-use crate::{Abort, Clock, Command, Cpu, DiagBuffer, OperatingState, ShortText};
+use crate::{Abort, Clock, Command, Cpu, DiagBuffer, ObInfo, OperatingState, ShortText};
 
 /// Time between two looks at access port and links.
 const LOOK: Span = Span::from_millis(5);
 /// Orders at one cycle control point.
 const JOBS: usize = 4;
-/// Most nested blocks that a hold shows.
-const DEEPEST: usize = 128;
 
 /// Is told, in HOLD too, what those need that report the CPU's state.
 pub type Follower = Box<dyn FnMut(OperatingState, &DiagBuffer) + Send>;
@@ -43,9 +41,8 @@ impl DebugJob {
     /// An order with the link's own number.
     #[must_use]
     pub fn new(id: u64, order: DebugOrder) -> Self {
-        let held =
-            Held { stack: Vec::with_capacity(DEEPEST), local: Vec::with_capacity(HELD_LOCAL), ..Held::default() };
-        Self { id, order, answer: DebugAnswer { end: DebugEnd::Runs, held }, link: 0, until: Instant::NEVER }
+        let answer = DebugAnswer { end: DebugEnd::Runs, held: stacks::room() };
+        Self { id, order, answer, link: 0, until: Instant::NEVER }
     }
 
     /// The number it was given.
@@ -66,10 +63,8 @@ impl DebugJob {
 struct Running {
     run: u32,
     block: u32,
-    /// The statement that comes next, and the registers DB and DI at its entry.
-    statement: u32,
-    blocks: [u16; 2],
-    ob: u16,
+    /// As it is shown; the statement is the next, the registers are those at its entry.
+    shown: HeldBlock,
 }
 
 /// The state of breakpoints.
@@ -127,10 +122,11 @@ impl Debugging {
     }
 
     /// A block is entered that runs statement by statement.
-    pub(crate) fn entered(&mut self, entering: &Entering, ob: u16, r: &Regs) {
+    pub(crate) fn entered(&mut self, entering: &Entering, id: BlockId, ob: &ObInfo, r: &Regs) {
         if self.stack.len() < self.stack.capacity() {
             let &Entering { run, block, .. } = entering;
-            self.stack.push(Running { run, block, statement: 0, blocks: [r.db.number, r.di.number], ob });
+            let shown = stacks::entry(id, 0, [r.db.number, r.di.number], ob);
+            self.stack.push(Running { run, block, shown });
         }
     }
 
@@ -147,7 +143,7 @@ impl Debugging {
         let Some(depth) = self.stack.iter().rposition(|running| running.run == run) else { return false };
         self.stack.truncate(depth + 1);
         let Some(running) = self.stack.last_mut() else { return false };
-        running.statement = statement;
+        running.shown.statement = statement;
         let here = Some((running.block, statement));
         self.step.is_some_and(|deepest| depth <= deepest) || self.breakpoints.contains(&here)
     }
@@ -171,6 +167,17 @@ impl Machine {
                     }
                     Some(DebugEnd::Done)
                 }
+                &DebugOrder::Stack { level } => Some(match (here, state) {
+                    (Some(r), _) => {
+                        self.show(&mut job.answer.held, blocks, r, level);
+                        DebugEnd::Held
+                    }
+                    (None, OperatingState::Stop) => {
+                        self.show_stopped(level, &mut job.answer.held);
+                        DebugEnd::Stopped
+                    }
+                    (None, _) => DebugEnd::Runs,
+                }),
                 DebugOrder::Hold { resume: Some(resume), .. } if here.is_some() && self.debugging.told.is_none() => {
                     self.debugging.told = Some(Told::GoOn(*resume));
                     None
@@ -178,7 +185,7 @@ impl Machine {
                 DebugOrder::Hold { .. } if self.debugging.told.is_some() => None,
                 DebugOrder::Hold { .. } => match (here, state) {
                     (Some(r), _) => {
-                        self.show(&mut job.answer.held, blocks, r);
+                        self.show(&mut job.answer.held, blocks, r, 0);
                         Some(DebugEnd::Held)
                     }
                     (None, OperatingState::Stop) => Some(DebugEnd::Stopped),
@@ -211,7 +218,7 @@ impl Machine {
         if let Some(mut job) = self.debugging.waiting.take() {
             job.answer.end = end;
             if let (DebugEnd::Held, Some(r)) = (end, here) {
-                self.show(&mut job.answer.held, blocks, r);
+                self.show(&mut job.answer.held, blocks, r, 0);
             }
             exchange.give_back(job.link, Back::Debug(job));
         }
@@ -233,24 +240,22 @@ impl Machine {
         DebugEnd::Done
     }
 
-    /// Shows where the program is.
-    fn show(&self, held: &mut Held, blocks: &Blocks, r: &Regs) {
+    /// Shows where the program is, with the local data of the block at this place of the stack.
+    fn show(&self, held: &mut Held, blocks: &Blocks, r: &Regs, level: u8) {
         held.stack.clear();
-        for running in self.debugging.stack.iter().rev() {
-            if let Some(block) = blocks.plan.blocks.get(running.block as usize) {
-                let Running { statement, blocks, ob, .. } = *running;
-                held.stack.push(HeldBlock { block: block.id, statement, blocks, ob });
-            }
-        }
+        held.stack.extend(self.debugging.stack.iter().rev().map(|running| running.shown));
         if let Some(innermost) = held.stack.first_mut() {
             innermost.blocks = [r.db.number, r.di.number];
         }
-        held.status = r.status_word() as u16;
-        held.accus = [r.a1, r.a2, r.a3, r.a4];
-        held.addresses = [r.ar1, r.ar2];
-        held.local.clear();
-        let local = self.memory.bytes.get(r.local.index()..).unwrap_or_default();
-        held.local.extend_from_slice(&local[..(r.local_len as usize).min(HELD_LOCAL).min(local.len())]);
+        stacks::registers(held, r, &self.ob);
+        // Local data of called blocks lie behind those of their callers.
+        let bytes = |running: &Running| {
+            blocks.plan.blocks.get(running.block as usize).map_or(0, |block| block.local_len as usize)
+        };
+        let outer = self.debugging.stack.iter().rev().skip(1).take(level.into()).map(bytes);
+        let at = outer.fold(r.local.index(), |at, len| at.saturating_sub(len));
+        let shown = self.debugging.stack.iter().rev().nth(level.into());
+        self.show_local((at, shown.map_or(0, bytes)), &mut held.local);
     }
 
     /// The time that has passed outside, where it never stood still.
@@ -301,8 +306,8 @@ impl Context<'_> {
     fn hold(&mut self, r: &Regs) -> Result<(), Abort> {
         let blocks = self.blocks;
         let machine = &mut *self.machine;
-        let at =
-            machine.debugging.stack.last().map(|running| Caller { block: running.block, statement: running.statement });
+        let running = machine.debugging.stack.last();
+        let at = running.map(|running| Caller { block: running.block, statement: running.shown.statement });
         let site = at.and_then(|at| blocks.plan.site(at));
         let accus = [r.a1, r.a2];
         if !machine.debugging.steps {
@@ -346,6 +351,7 @@ impl Context<'_> {
             machine.debugging.steps = false;
             machine.enter_with(Event::HOLD_STOPPED, site, accus, (0, ShortText::default()));
             machine.hot.stopping = true;
+            at.into_iter().for_each(|at| self.abandoned(at, r));
             return Err(Abort);
         };
         let depth = machine.debugging.stack.len().saturating_sub(1);

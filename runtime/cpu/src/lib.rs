@@ -43,6 +43,7 @@ mod retentive_v1;
 mod service_state;
 mod services;
 mod settings;
+mod stacks;
 mod standstill;
 mod startup;
 mod successor;

@@ -24,6 +24,7 @@ use crate::nesting::Nesting;
 use crate::obs::ObRecords;
 use crate::points::Points;
 use crate::service_state::ServiceState;
+use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
@@ -226,6 +227,7 @@ impl Cpu {
             tape: None,
             watching: Watching::default(),
             debugging: Debugging::new(),
+            stacks: Stacks::new(),
             held: Span::ZERO,
             followers: Vec::new(),
             points: Points::default(),

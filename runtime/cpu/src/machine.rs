@@ -17,6 +17,7 @@ use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
 use crate::points::Points;
 use crate::service_state::ServiceState;
+use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
@@ -139,6 +140,8 @@ pub(crate) struct Machine {
     pub(crate) watching: Watching,
     /// Breakpoints.
     pub(crate) debugging: Debugging,
+    /// In what it has gone to STOP.
+    pub(crate) stacks: Stacks,
     /// How long it has been in HOLD: by so much its time is behind.
     pub(crate) held: Span,
     pub(crate) followers: Vec<Follower>,

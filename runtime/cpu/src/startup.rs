@@ -111,6 +111,7 @@ impl Cpu {
         let m = &mut self.machine;
         m.hot.stopping = false;
         m.hot.unwind();
+        m.stacks.forget();
         m.inside = Span::ZERO;
         (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;

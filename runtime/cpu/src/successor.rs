@@ -118,6 +118,7 @@ impl Cpu {
             What::Program(prepared) => prepared,
         };
         m.debugging.forget();
+        m.stacks.forget();
         m.memory.reuse_deleted();
         prepared.memory.take_values(&m.memory, &next.fresh, &next.carry);
         std::mem::swap(&mut m.memory, &mut prepared.memory);

@@ -121,11 +121,12 @@ impl Frame {
             r.refs = refs_top;
             begin(r);
             status_of_call(r);
-            if entry(run) != 0 {
-                return ABORTED;
-            }
+            let answer = entry(run);
             let r = &mut (*run).regs;
             give_back(r, &kept);
+            if answer != 0 {
+                return ABORTED;
+            }
             status_of_call(r);
             ((*hot).local_top, (*hot).refs_top) = (local_top, refs_top);
             (*hot).depth = (*hot).depth.wrapping_sub(1);

@@ -174,6 +174,7 @@ pub(crate) struct Run {
     pub(crate) leave: Helper,
     pub(crate) whole: Helper,
     pub(crate) call: Helper,
+    pub(crate) abandoned: Helper,
     pub(crate) timer: Helper,
     pub(crate) time_left: Helper,
     /// The CPU. Only helpers look here.
@@ -205,6 +206,7 @@ impl Run {
             leave,
             whole,
             call,
+            abandoned,
             timer,
             time_left,
             cpu: std::ptr::from_mut(cx).cast(),
@@ -243,7 +245,17 @@ fn guarded(run: *mut Run, work: impl FnOnce(Parts<'_>) -> Result<i32, Abort>) ->
 
 /// A safe point at which it is time to look.
 extern "C" fn safe_point(run: *mut Run, block: u32, statement: u32) -> i32 {
-    guarded(run, |parts| parts.cx.safe_point(Caller { block, statement }).map(|()| DONE))
+    guarded(run, |parts| parts.cx.safe_point(Caller { block, statement }, parts.regs).map(|()| DONE))
+}
+
+/// A call whose block was aborted, the caller's DB and DI registers in place: for the stacks of the CPU.
+#[cold]
+extern "C" fn abandoned(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| {
+        let blocks = [parts.regs.db.number, parts.regs.di.number];
+        parts.cx.abandoned_caller(Caller { block, statement }, blocks, None);
+        Ok(ABORTED)
+    })
 }
 
 /// One statement by the reference.
@@ -290,13 +302,14 @@ extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
         if let Some(frame) = code.frame(block, statement).filter(|frame| !looks && frame.fits(hot, &code.plan))
             && let Some(entry) = code.entry(frame.callee)
         {
-            return frame.call(run, &code.plan, entry);
+            let answer = frame.call(run, &code.plan, entry);
+            return if answer == DONE { DONE } else { abandoned(run, block, statement) };
         }
     }
     guarded(run, |parts| {
         let hot = parts.cx.hot();
         if hot.pending >= hot.look_after || is_due(hot) {
-            parts.cx.safe_point(Caller { block, statement: statement + 1 })?;
+            parts.cx.safe_point(Caller { block, statement: statement + 1 }, parts.regs)?;
         }
         make_call(parts.code, block, statement, parts.regs, parts.cx)
     })
@@ -339,7 +352,7 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
                     return cx.fault_at(at, fault, r).map(|()| FAILED);
                 }
             };
-            code.run(next, Some(at), r, cx)?;
+            code.run(next, Some(at), r, cx).inspect_err(|_| cx.abandoned_caller(at, saved.blocks(), None))?;
             cx.finish(call, &saved, tops, r)
         }
     };
@@ -402,7 +415,7 @@ pub(crate) fn interpret<const PROBED: bool>(
             Op::Call(_) => {
                 let hot = cx.hot();
                 if hot.pending >= hot.look_after || is_due(hot) {
-                    cx.safe_point(Caller { block, statement: pc as u32 })?;
+                    cx.safe_point(Caller { block, statement: pc as u32 }, r)?;
                 }
                 make_call(code, block, at.statement, r, cx)?;
                 None
@@ -422,7 +435,7 @@ pub(crate) fn interpret<const PROBED: bool>(
             pc = target as usize;
             let hot = cx.hot();
             if back && (hot.pending >= hot.look_after || is_due(hot)) {
-                cx.safe_point(Caller { block, statement: target })?;
+                cx.safe_point(Caller { block, statement: target }, r)?;
             }
         }
     }

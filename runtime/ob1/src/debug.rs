@@ -200,7 +200,7 @@ fn place(status: &DebugStatus) {
     say!("HOLD before {}, statement {}, in OB {}: {}", at.place, at.statement, at.ob, at.text);
 }
 
-fn registers(status: &DebugStatus) {
+pub(crate) fn registers(status: &DebugStatus) {
     let Some(r) = &status.registers else { return };
     let [a1, a2, a3, a4] = r.accus;
     let (db, di) = status.stack.first().map_or((0, 0), |at| (at.db, at.di));
@@ -214,7 +214,7 @@ fn registers(status: &DebugStatus) {
     say!("  AR1 {:08X} AR2 {:08X} DB {db} DI {di}", r.addresses[0], r.addresses[1]);
 }
 
-fn stack(status: &DebugStatus) {
+pub(crate) fn stack(status: &DebugStatus) {
     for (depth, at) in status.stack.iter().enumerate() {
         say!(
             "  {depth}: {}, statement {}, DB {} DI {}, in OB {}: {}",
@@ -228,7 +228,7 @@ fn stack(status: &DebugStatus) {
     }
 }
 
-fn local(status: &DebugStatus) {
+pub(crate) fn local(status: &DebugStatus) {
     for (row, bytes) in status.local.chunks(16).enumerate() {
         let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
         say!("  L {:3}  {}", row * 16, digits.join(" "));

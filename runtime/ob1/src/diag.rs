@@ -6,7 +6,9 @@ use ob1_model::moment::Moment;
 use serde::Serialize;
 
 use crate::exit::Exit;
+use crate::debug::{local, registers, stack};
 use crate::remote::{ask, print_json};
+use ob1_station::access::debug::DebugWanted;
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
 use ob1_station::wall_clock;
 
@@ -19,7 +21,7 @@ use ob1_station::wall_clock;
 /// programming device has loaded: none of them is used.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
+    after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n  ob1 diag press --stack\n\n\
     Exit codes: 0 printed, 1 no such CP, 5 the station does not run, 8 it does not answer.\n\nMore: docs/access.md, docs/cp341-events.md."
 )]
 pub struct DiagArgs {
@@ -30,6 +32,9 @@ pub struct DiagArgs {
     /// At most so many entries of each buffer
     #[arg(long, short = 'n', value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     pub count: u32,
+    /// The stacks instead: in which blocks the program was when the CPU went to STOP or HOLD, with registers and local data
+    #[arg(long, conflicts_with_all = ["cp", "count"])]
+    pub stack: bool,
     /// As JSON: {"cpu": [...], "cps": [{name, type, address, driver, entries}]}
     #[arg(long)]
     pub json: bool,
@@ -45,6 +50,9 @@ struct Buffers<'a> {
 /// Prints the buffers, newest entry first.
 #[must_use]
 pub fn diag(args: &DiagArgs) -> Exit {
+    if args.stack {
+        return stacks(args);
+    }
     let response = match ask(&args.station, Op::Diag { count: args.count }) {
         Ok(response) => response,
         Err(exit) => return exit,
@@ -71,6 +79,30 @@ pub fn diag(args: &DiagArgs) -> Exit {
             "{}: kept for programming devices, nothing of it is used: the station file says what there is",
             kept.join(", ")
         );
+    }
+    Exit::Ok
+}
+
+/// In what the program was interrupted.
+fn stacks(args: &DiagArgs) -> Exit {
+    let status = match ask(&args.station, Op::Debug(DebugWanted::Stack { level: 0 })) {
+        Ok(response) => response.debug.unwrap_or_default(),
+        Err(exit) => return exit,
+    };
+    if args.json {
+        return print_json(&status);
+    }
+    match (status.outcome.as_str(), status.stack.is_empty()) {
+        ("runs", _) => say!("the CPU runs: it has stacks in STOP and in HOLD"),
+        (_, true) => say!("the CPU is in STOP, and no block was interrupted: it was stopped between two scans"),
+        _ => {
+            say!("blocks, the innermost first");
+            stack(&status);
+            say!("registers");
+            registers(&status);
+            say!("local data of the innermost block");
+            local(&status);
+        }
     }
     Exit::Ok
 }

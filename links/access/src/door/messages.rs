@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 7;
+pub const VERSION: u16 = 8;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.

@@ -81,9 +81,9 @@ wire!(enum Answer {
 });
 wire!(struct Breakpoint { block, statement });
 wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
-wire!(enum DebugOrder { 0 => Breakpoints(list), 1 => Hold { resume, wait }, 2 => End });
-wire!(struct HeldBlock { block, statement, blocks, ob });
-wire!(struct Held { stack, status, accus, addresses, local });
+wire!(enum DebugOrder { 0 => Breakpoints(list), 1 => Hold { resume, wait }, 2 => End, 3 => Stack { level } });
+wire!(struct HeldBlock { block, statement, blocks, ob, priority, began, address });
+wire!(struct Held { stack, status, accus, addresses, local, start });
 wire!(enum DebugEnd { 0 => Done, 1 => Held, 2 => Runs, 3 => Stopped, 4 => NoStatement(index) });
 wire!(struct DebugAnswer { end, held });
 wire!(struct PassOrder { block, from, db, first, count, wait, before });

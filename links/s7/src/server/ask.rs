@@ -1,6 +1,6 @@
 //! Requests of a connection to the CPU, and the replies.
 
-use ob1_model::{BlockId, CodeAddress, Pass, PassOrder, Point};
+use ob1_model::{BlockId, CodeAddress, DebugAnswer, DebugOrder, Forced, Pass, PassOrder, Point};
 
 use crate::Rights;
 use crate::codes::{Code, ItemCode};
@@ -78,6 +78,12 @@ pub enum Ask {
         /// Bytes from the begin of its code.
         wanted: Vec<u16>,
     },
+    /// Breakpoints, HOLD, stacks. To wait for a hold, it waits beside the others. [`Reply::Debug`].
+    Debug(DebugOrder),
+    /// What is forced. [`Reply::Forced`].
+    Forced,
+    /// Forces these values in place of those before; none: it ends forcing. [`Reply::Done`].
+    Force(Vec<Put>),
     /// The partner wants to see which CPU it is. [`Reply::Done`].
     Blink,
 }
@@ -146,6 +152,8 @@ pub enum Control {
     Compress,
     /// Copy RAM to ROM.
     CopyRamToRom,
+    /// Memory reset, in STOP.
+    Reset,
 }
 
 /// A block of a list.
@@ -187,6 +195,10 @@ pub enum Reply {
     Pass(Pass),
     /// Places in machine code.
     Code(CodePlaces),
+    /// How an order about breakpoints has ended.
+    Debug(DebugAnswer),
+    /// The forced cells.
+    Forced(Vec<Forced>),
     /// Its point has not come.
     Forgotten,
     /// Not done, for this reason.

@@ -22,7 +22,9 @@ impl Connection {
             return Step::Silence;
         }
         let UserData { group, sub, sequence, .. } = service;
-        if service.more && matches!(group, Group::Cpu | Group::Blocks) {
+        // Test functions come in the long form at any time; only the next part of an answer has its number.
+        let is_next = matches!(group, Group::Cpu | Group::Blocks) || group == Group::Test && sequence != 0;
+        if service.more && is_next {
             let pdu_bytes = self.pdu_bytes();
             return Step::Answer(self.long.next(pdu.reference, group, sub, sequence, pdu_bytes));
         }

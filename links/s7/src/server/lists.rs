@@ -72,7 +72,7 @@ impl Connection {
             && told == Some(TESTS_INDEX)
             && let Some(place) = out.get_mut(8 + TESTS_AT..8 + TESTS_AT + 3)
         {
-            place.copy_from_slice(&test_functions::bits());
+            place.copy_from_slice(&test_functions::bits(self.settings.is_400));
         }
         // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
         if PROTECTION.contains(&id) && told == Some(PROTECTION_INDEX) {

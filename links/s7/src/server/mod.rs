@@ -43,11 +43,13 @@ pub struct Settings {
     pub has_password: bool,
     /// Maximum number of connections in total.
     pub connections: u16,
+    /// The CPU is an S7-400.
+    pub is_400: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { pdu: 960, jobs: MAX_JOBS, rights: Rights::Read, has_password: false, connections: 1 }
+        Self { pdu: 960, jobs: MAX_JOBS, rights: Rights::Read, has_password: false, connections: 1, is_400: false }
     }
 }
 
@@ -129,6 +131,8 @@ pub struct Connection {
     /// Requests without a job of the partner: cyclic data.
     aside: Vec<Job>,
     asks: VecDeque<Request>,
+    /// What a job asks the CPU for next, instead of being answered.
+    follows: Option<(Ask, Then)>,
     next: u64,
     wrong_passwords: u8,
     long: long::LongAnswers,
@@ -154,6 +158,7 @@ impl Connection {
             queue: VecDeque::new(),
             aside: Vec::new(),
             asks: VecDeque::new(),
+            follows: None,
             next: 0,
             wrong_passwords: 0,
             long: long::LongAnswers::default(),
@@ -211,8 +216,12 @@ impl Connection {
         if let Some(then) = self.queue.iter_mut().find(|job| job.id == id).and_then(|job| job.then.take()) {
             let reference = self.queue.iter().find(|job| job.id == id).map_or(0, |job| job.reference);
             let answer = self.finish(reference, id, then, reply);
+            let follows = self.follows.take().map(|(ask, then)| (self.ask(ask), then));
             if let Some(job) = self.queue.iter_mut().find(|job| job.id == id) {
                 job.answer.extend(answer);
+                if let Some((next, then)) = follows {
+                    (job.id, job.then) = (next, Some(then));
+                }
             }
             self.flush();
             self.advance();
@@ -319,6 +328,11 @@ impl Connection {
         self.next += 1;
         self.asks.push_back(Request { id, ask });
         id
+    }
+
+    /// The job that is just being finished asks for this next.
+    fn follow(&mut self, ask: Ask, service: service::Service) {
+        self.follows = Some((ask, Then::Service(service)));
     }
 
     /// A request besides the jobs of the partner.

@@ -27,7 +27,12 @@ pub mod sub {
     pub const TEST_ISTACK: u8 = 0x03;
     pub const TEST_BSTACK: u8 = 0x04;
     pub const TEST_LSTACK: u8 = 0x05;
+    pub const TEST_FORCE_300: u8 = 0x07;
     pub const TEST_MODIFY: u8 = 0x08;
+    pub const TEST_FORCE: u8 = 0x09;
+    pub const TEST_BREAKPOINT: u8 = 0x0A;
+    pub const TEST_LEAVE_HOLD: u8 = 0x0B;
+    pub const TEST_RESET: u8 = 0x0C;
     pub const TEST_DISABLE: u8 = 0x0D;
     pub const TEST_ENABLE: u8 = 0x0E;
     pub const TEST_DELETE: u8 = 0x0F;

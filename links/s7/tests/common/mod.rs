@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use ob1_model::{BlockId, Pass, Point};
+use ob1_model::{BlockId, DebugAnswer, DebugEnd, DebugOrder, Forced, ForcedArea, Held, Pass, Point, Resume, Width};
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
 use ob1_s7::server::{Access, Ask, CodePlaces, Connection, Control, Listed, Reply, Request, Settings};
@@ -28,6 +28,12 @@ pub(crate) struct ModelCpu {
     pub(crate) changes: u32,
     /// What lies in the machine code of blocks: for each address the statement.
     pub(crate) code: BTreeMap<BlockId, CodePlaces>,
+    /// What is forced; bytes only.
+    pub(crate) forced: Vec<Forced>,
+    /// The orders about breakpoints, in the order they came.
+    pub(crate) orders: Vec<DebugOrder>,
+    /// Where it holds, or has stopped.
+    pub(crate) held: Option<Held>,
 }
 
 /// A block with header and footer around this code.
@@ -67,6 +73,9 @@ impl Default for ModelCpu {
             password: None,
             changes: 0,
             code: BTreeMap::new(),
+            forced: Vec::new(),
+            orders: Vec::new(),
+            held: None,
         }
     }
 }
@@ -163,6 +172,8 @@ impl ModelCpu {
                 self.changes += 1;
                 let runs = match control {
                     Control::Stop => false,
+                    Control::Reset if self.runs => return Reply::Refused(Code::COORDINATION),
+                    Control::Reset => return Reply::Done,
                     Control::Warm | Control::Cold => true,
                     Control::Compress | Control::CopyRamToRom => return Reply::Done,
                 };
@@ -199,6 +210,33 @@ impl ModelCpu {
             // A block that nobody calls.
             Ask::Pass(_) => Reply::Pass(Pass::default()),
             Ask::Forget { .. } | Ask::Blink => Reply::Done,
+            Ask::Debug(DebugOrder::Stack { level }) => {
+                let end = match (&self.held, self.runs) {
+                    (Some(_), true) => DebugEnd::Held,
+                    (None, true) => DebugEnd::Runs,
+                    (_, false) => DebugEnd::Stopped,
+                };
+                let mut held = self.held.clone().unwrap_or_default();
+                held.local = vec![level; 4];
+                Reply::Debug(DebugAnswer { end, held })
+            }
+            Ask::Debug(order) => {
+                self.changes += 1;
+                self.orders.push(order);
+                Reply::Debug(DebugAnswer { end: DebugEnd::Done, held: Held::default() })
+            }
+            Ask::Forced => Reply::Forced(self.forced.clone()),
+            Ask::Force(puts) => {
+                self.changes += 1;
+                let byte = |put: &ob1_s7::server::Put| Forced {
+                    area: if put.address.area == Area::Inputs { ForcedArea::Input } else { ForcedArea::Output },
+                    bit: put.address.start,
+                    width: Width::Byte,
+                    value: put.bytes[0].into(),
+                };
+                self.forced = puts.iter().map(byte).collect();
+                Reply::Done
+            }
         }
     }
 
@@ -255,7 +293,7 @@ impl Desk {
             let Some(request) = self.connection.next_ask() else { return };
             match &request.ask {
                 Ask::At { point: Point::Now, stays: false, .. } => {}
-                Ask::At { .. } | Ask::Pass(_) => {
+                Ask::At { .. } | Ask::Pass(_) | Ask::Debug(DebugOrder::Hold { .. }) => {
                     self.armed.push(request);
                     continue;
                 }
@@ -323,6 +361,24 @@ impl Desk {
         let request = self.armed.remove(index);
         self.came(request.id, Reply::Pass(pass));
         self.serve();
+    }
+
+    /// The CPU holds, or not: what waits for that is told.
+    pub(crate) fn hold(&mut self, end: DebugEnd) {
+        let wanted = |armed: &Request| matches!(armed.ask, Ask::Debug(DebugOrder::Hold { .. }));
+        let index = self.armed.iter().position(wanted).expect("a hold is waited for");
+        let request = self.armed.remove(index);
+        let held = if end == DebugEnd::Held { self.cpu.held.clone().unwrap_or_default() } else { Held::default() };
+        self.came(request.id, Reply::Debug(DebugAnswer { end, held }));
+        self.serve();
+    }
+
+    /// How the CPU is to go on, of the request that waits for the next hold.
+    pub(crate) fn resume(&self) -> Option<Resume> {
+        self.armed.iter().find_map(|armed| match armed.ask {
+            Ask::Debug(DebugOrder::Hold { resume, .. }) => resume,
+            _ => None,
+        })
     }
 
     /// A test function, in the long form that programming devices send; its answers and messages.

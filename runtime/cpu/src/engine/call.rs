@@ -220,6 +220,12 @@ pub(crate) fn results(
 }
 
 impl Saved {
+    /// What is in the caller's DB and DI registers.
+    #[must_use]
+    pub const fn blocks(&self) -> [u16; 2] {
+        [self.db.number, self.di.number]
+    }
+
     /// Gives the caller its registers back. Statements' results (accumulators, AR1, RLO, flags) stay.
     #[inline]
     fn leave(&self, r: &mut Regs, m: &mut Machine) {

@@ -32,17 +32,17 @@ impl Context<'_> {
     }
 
     /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes. `at` is the
-    /// statement that comes next. Registers stay as they are.
+    /// statement that comes next. Registers stay as they are; they are for the stacks of a CPU that goes to STOP.
     ///
     /// # Errors
     /// The CPU goes to STOP: leave every block.
     #[cold]
-    pub fn safe_point(&mut self, at: Caller) -> Result<(), Abort> {
+    pub fn safe_point(&mut self, at: Caller, r: &Regs) -> Result<(), Abort> {
         let answer = self.outside(Question::SafePoint(at), |cx| {
             cx.machine.at = Some(at);
             Answer::Done(cx.attend())
         });
-        answer.done()
+        answer.done().inspect_err(|_| self.abandoned(at, r))
     }
 
     /// The statement `at` has failed: its organization block runs, and the program continues with the next
@@ -56,7 +56,7 @@ impl Context<'_> {
         let answer = self.outside(Question::Fault(at, fault, interrupted), |cx| {
             Answer::Value(cx.fault(fault, cx.blocks.plan.site(at), &interrupted))
         });
-        let value = answer.value()?;
+        let value = answer.value().inspect_err(|_| self.abandoned(at, r))?;
         let block = self.blocks.plan.blocks.get(at.block as usize);
         let stmt = block.and_then(|block| block.stmts.get(at.statement as usize));
         if stmt.is_some_and(|stmt| statement::loads(&stmt.op)) {
@@ -139,7 +139,13 @@ impl Context<'_> {
         tops: Tops,
         r: &mut Regs,
     ) -> Result<(), Abort> {
-        let br = self.native_block(native, at, call.site, entry)?;
+        let br = match self.native_block(native, at, call.site, entry) {
+            Ok(br) => br,
+            Err(abort) => {
+                self.abandoned(at, r);
+                return Err(abort);
+            }
+        };
         call::status_of_call(r);
         r.flags = r.flags & !BR | (u32::from(br) * BR);
         let instance = (!matches!(call.instance, InstanceOf::None)).then_some(entry.di);

@@ -67,8 +67,8 @@ impl Context<'_> {
         let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
         let watched = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
         let every = self.machine.watching.every();
-        if every {
-            self.machine.debugging.entered(&entering, self.machine.ob.number, r);
+        if every && let Some(entered) = self.blocks.plan.blocks.get(block as usize) {
+            self.machine.debugging.entered(&entering, entered.id, &self.machine.ob, r);
         }
         Entered { entering, probed: watched || every, statements: self.statements() }
     }

@@ -31,6 +31,7 @@ mod retentive;
 mod retentive_v1;
 mod services;
 mod stack;
+mod stacks;
 mod standard_blocks;
 mod system_functions;
 mod system_inputs;

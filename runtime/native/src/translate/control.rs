@@ -153,9 +153,13 @@ impl Translation<'_, '_> {
         self.b.ins().brif(due, looks, &[], next, &arguments);
         self.b.seal_block(looks);
         self.b.switch_to_block(looks);
-        let cache = self.checked.cache.clone();
+        let (cache, now) = (self.checked.cache.clone(), self.now.clone());
         self.write_back();
         self.tell_count();
+        // For the stacks of a CPU that goes to STOP here.
+        self.spill(self.body.live[statement]);
+        self.spill_data();
+        self.now = now;
         let (block, at) = (self.word(self.block), self.word(statement as u32));
         let answer = self.call_helper(offset_of!(Run, safe_point), block, at);
         self.abort_if(answer);

@@ -49,13 +49,13 @@ impl Translation<'_, '_> {
         self.b.seal_block(direct);
         self.b.seal_block(asked);
         self.b.switch_to_block(direct);
-        self.run_directly(call, instance, local_len, address);
+        self.run_directly(pc, call, instance, local_len, address);
         self.b.ins().jump(next, &[]);
         self.b.switch_to_block(asked);
         self.checked = Checked::default();
     }
 
-    fn run_directly(&mut self, call: &Call, instance: Db, local_len: u32, address: Value) {
+    fn run_directly(&mut self, pc: usize, call: &Call, instance: Db, local_len: u32, address: Value) {
         self.copy_in(call, instance);
         self.write_back();
         let kept: Vec<(Value, usize)> = KEPT
@@ -91,7 +91,7 @@ impl Translation<'_, '_> {
         self.end_of_chain();
         let answer = self.b.ins().call_indirect(self.other, address, &[self.run]);
         let answer = self.b.inst_results(answer)[0];
-        self.abort_if(answer);
+        self.abandon_if(answer, pc, &kept);
         for (value, at) in kept {
             self.store_state(value, self.run, Self::reg(at));
         }
@@ -104,6 +104,24 @@ impl Translation<'_, '_> {
         self.copy_out(call, instance);
         self.write_back();
         self.put_data(instance, offset_of!(Regs, db));
+    }
+
+    /// Leaves the block when the one it has called was aborted; the CPU is told which call that was.
+    fn abandon_if(&mut self, answer: Value, pc: usize, kept: &[(Value, usize)]) {
+        let [abandons, next] = [(); 2].map(|()| self.b.create_block());
+        self.b.set_cold_block(abandons);
+        self.b.ins().brif(answer, abandons, &[], next, &[]);
+        self.b.seal_block(abandons);
+        self.b.seal_block(next);
+        self.b.switch_to_block(abandons);
+        for (value, at) in kept {
+            self.store_state(*value, self.run, Self::reg(*at));
+        }
+        let (block, at) = (self.word(self.block), self.word(pc as u32));
+        self.call_helper(offset_of!(Run, abandoned), block, at);
+        self.ways.aborts = true;
+        self.b.ins().jump(self.abort, &[]);
+        self.b.switch_to_block(next);
     }
 
     /// The DB register of a called function block is its caller's DI.

@@ -17,7 +17,7 @@ use ob1_cpu::{
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{
-    Area, BREAKPOINTS, BitAddr, BlockId, BlockKind, Breakpoint, DataType, DebugEnd, DebugOrder, Event, Interface,
+    Area, BREAKPOINTS, BitAddr, BlockId, BlockKind, Breakpoint, DataType, DebugEnd, DebugOrder, Event, HeldBlock, Interface,
     Layout, PASS_JOBS, PASS_WAIT, Param, PassEnd, PassOrder, Resume, Section,
 };
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
@@ -415,6 +415,12 @@ fn compared(
             ));
         }
         if end.state != OperatingState::Run {
+            let level = random.next(4) as u8;
+            let left = stacks(&mut one, &mut clocks[0], level);
+            let right = stacks(&mut two, &mut clocks[1], level);
+            if beside == Beside::Nothing && left != right {
+                return Err(format!("seed {seed}: stacks: {left:#?}, the other: {right:#?}"));
+            }
             break;
         }
         for clock in &mut clocks {
@@ -426,6 +432,20 @@ fn compared(
         }
     }
     Ok(true)
+}
+
+/// In what the CPU has stopped: blocks, and local data of one.
+fn stacks(cpu: &mut Cpu, clock: &mut Charged, level: u8) -> Option<(Vec<HeldBlock>, Vec<u8>)> {
+    let mut link = cpu.link(Box::new(NoWindow))?;
+    link.debug(DebugJob::new(7, DebugOrder::Stack { level })).expect("room");
+    cpu.cycle(clock);
+    while let Some(returned) = link.take() {
+        if let Returned::Debug(job) = returned {
+            let held = job.into_answer().held;
+            return Some((held.stack, held.local));
+        }
+    }
+    None
 }
 
 fn listing(block: &CodeBlock) -> String {

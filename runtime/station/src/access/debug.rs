@@ -30,6 +30,12 @@ pub enum DebugWanted {
     },
     /// No breakpoints any more. A CPU in HOLD goes to STOP.
     End,
+    /// The stacks of a CPU in HOLD or in STOP. Whoever may read may ask.
+    Stack {
+        /// The local data of the block at this place of the stack: 0 is the innermost.
+        #[serde(default)]
+        level: u8,
+    },
 }
 
 /// How far a CPU goes on.
@@ -62,13 +68,13 @@ impl From<GoTo> for Resume {
 pub struct DebugStatus {
     /// `done`, `held`, `runs` (it has not come to a breakpoint in time), `stopped`.
     pub outcome: String,
-    /// The blocks under way, the innermost first; of `held` alone.
+    /// The blocks under way, the innermost first; of `held`, and of `stopped` if the stacks are asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stack: Vec<DebugBlock>,
-    /// The registers before the next statement.
+    /// The registers before the next statement; in STOP, at the one that the program was left at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registers: Option<DebugRegisters>,
-    /// Local data of the innermost block.
+    /// Local data of the innermost block, or of the one that was asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub local: Vec<u8>,
 }
@@ -116,6 +122,7 @@ pub(super) fn order(known: &KnownProgram, wanted: &DebugWanted) -> Result<DebugO
         DebugWanted::Wait { wait_ms } => DebugOrder::Hold { resume: None, wait: nanos(*wait_ms) },
         DebugWanted::Go { to, wait_ms } => DebugOrder::Hold { resume: Some((*to).into()), wait: nanos(*wait_ms) },
         DebugWanted::End => DebugOrder::End,
+        DebugWanted::Stack { level } => DebugOrder::Stack { level: *level },
     })
 }
 
@@ -169,6 +176,6 @@ pub(super) fn status(known: &KnownProgram, order: &DebugOrder, answer: DebugAnsw
         })
         .collect();
     let registers = DebugRegisters { status: held.status, accus: held.accus, addresses: held.addresses };
-    let registers = (answer.end == DebugEnd::Held).then_some(registers);
+    let registers = (!held.stack.is_empty()).then_some(registers);
     Ok(DebugStatus { outcome: outcome.to_owned(), stack, registers, local: held.local })
 }

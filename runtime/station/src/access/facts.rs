@@ -93,9 +93,29 @@ impl Code {
         };
         Addresses { code: self.checksum, statements: self.statements, found: wanted.iter().map(one).collect() }
     }
+
+    /// Where a statement begins.
+    fn address(&self, statement: u32) -> Option<u16> {
+        let found = self.addresses.iter().find(|address| address.statement == statement);
+        found.and_then(|address| u16::try_from(address.at).ok())
+    }
 }
 
 impl StationFacts {
+    /// Looks into the machine code of a block.
+    fn code<T>(&self, id: BlockId, look: impl FnOnce(&Code) -> T) -> Option<T> {
+        let known = self.view.known.get();
+        let mut codes = self.codes.borrow_mut();
+        if !codes.iter().any(|code| code.id == id && Arc::ptr_eq(&code.known, &known)) {
+            let code = Code::of(Arc::clone(&known), id)?;
+            if codes.len() == CODES {
+                codes.remove(0);
+            }
+            codes.push(code);
+        }
+        codes.iter().find(|code| code.id == id).map(look)
+    }
+
     pub(crate) fn new(view: StationView, station: &Station, loader: Loader) -> Self {
         let cpu = &station.cpu;
         let driver = |module: &crate::view::ModuleView| Some((module.name.clone(), module.driver.clone()?));
@@ -190,19 +210,11 @@ impl Facts for StationFacts {
     }
 
     fn addresses(&self, id: BlockId, wanted: &[u16]) -> Option<Addresses> {
-        let known = self.view.known.get();
-        let mut codes = self.codes.borrow_mut();
-        let is_it = |code: &Code| code.id == id && Arc::ptr_eq(&code.known, &known);
-        if let Some(code) = codes.iter().find(|code| is_it(code)) {
-            return Some(code.find(wanted));
-        }
-        let code = Code::of(known, id)?;
-        let found = code.find(wanted);
-        if codes.len() == CODES {
-            codes.remove(0);
-        }
-        codes.push(code);
-        Some(found)
+        self.code(id, |code| code.find(wanted))
+    }
+
+    fn address(&self, id: BlockId, statement: u32) -> Option<u16> {
+        self.code(id, |code| code.address(statement)).flatten()
     }
 
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {

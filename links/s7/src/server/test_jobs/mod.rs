@@ -1,29 +1,34 @@
 //! Test functions: variable tables and block status of a programming device.
 //!
 //! A job is set up once and enabled for each result. What it asks the CPU for waits there for its trigger, beside the
-//! requests of the connection; the result is a message. Stacks, forcing and breakpoints are not served.
+//! requests of the connection; the result is a message.
 
+mod breakpoints;
+mod force;
 mod setup;
+mod stacks;
 mod table;
 mod telegrams;
 mod watch;
 
-use ob1_model::{Point, TEST_FUNCTIONS};
+use ob1_model::{Point, Resume, TEST_FUNCTIONS};
 
-use self::setup::{Begin, LENGTHS, Setup, Trigger, parts};
+use self::breakpoints::{Holds, Stop};
+use self::force::{Forcing, is_force, replacing};
+use self::setup::{Begin, LENGTHS, Setup, Trigger};
 use self::telegrams::{MESSAGE, answer, message, named, result};
 use self::watch::{Seen, Watch};
-use super::lists::{OPERATING_STATE, STATE_AT};
 use super::service::Service;
 use super::var::{Slot, addresses};
-use super::{Access, Ask, Connection, Job, Put, Reply, Step, Then};
+use super::{Access, Ask, Connection, Control, Job, Put, Reply, Step, Then};
 use crate::Rights;
 use crate::codes::Code;
 use crate::wire::{USERDATA_HEAD, UserData, sub};
 
 /// Jobs of a connection.
 const JOBS: usize = 8;
-const STOP: u8 = 0x04;
+/// The class of a result without a trigger.
+const NO_CLASS: u8 = 1;
 /// How long the result of a job that ends may still come: a trigger of the cycle does, a STOP does not.
 const PATIENCE_MS: u64 = 250;
 /// Time to the next attempt when the CPU had no room for a job.
@@ -34,6 +39,7 @@ enum What {
     Status(Vec<Slot>),
     Modify(Vec<Slot>, Vec<Put>),
     Block(Box<Watch>),
+    Stop(Stop),
 }
 
 #[derive(Debug)]
@@ -64,11 +70,12 @@ struct TestJob {
 #[derive(Debug, Default)]
 pub(super) struct TestJobs {
     jobs: Vec<TestJob>,
+    holds: Holds,
     again_ms: Option<u64>,
 }
 
 /// How a service ends that has waited for the CPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     /// A block status was set up: what lies at its addresses.
     SetUp {
@@ -90,10 +97,40 @@ pub(super) enum Ending {
     Deleted {
         job: u8,
     },
-    /// A stack is asked for: there are none while the CPU runs.
+    /// A stack; of the local data, which.
     Stack {
         service: u8,
+        place: Option<[u8; 2]>,
     },
+    /// Local data of another block than the innermost.
+    Local {
+        level: u8,
+    },
+    /// Breakpoints have been set for this job, or without it.
+    Set {
+        job: u8,
+        service: u8,
+        made: bool,
+    },
+    Unset {
+        job: u8,
+        service: u8,
+    },
+    /// Whether the CPU holds, for a connection without breakpoints.
+    Released,
+    /// The same, for a service that lets it go on.
+    Leaves {
+        to: Resume,
+    },
+    Held,
+    /// What is forced is known.
+    MayForce(Box<Forcing>),
+    Forces(Box<Forcing>),
+    ForceEnds,
+    /// For a list of jobs, or who reads the job.
+    Listed,
+    ForcedJob,
+    Resets,
     Blinks,
     /// Nothing more to do.
     Nothing,
@@ -101,8 +138,8 @@ pub(super) enum Ending {
 
 impl Ending {
     /// Results of this job come before the answer.
-    const fn is_after(self, id: u8) -> bool {
-        matches!(self, Self::Disabled { job } | Self::Deleted { job } if job == id)
+    const fn is_after(&self, id: u8) -> bool {
+        matches!(self, Self::Disabled { job } | Self::Deleted { job } if *job == id)
     }
 }
 
@@ -133,25 +170,25 @@ impl TestJobs {
 
     /// Whether the partner waits for a result.
     pub(super) fn wait(&self) -> bool {
-        self.jobs.iter().any(|job| job.asked.is_some() || job.again)
+        self.holds.wait() || self.jobs.iter().any(|job| job.asked.is_some() || job.again)
     }
 }
 
 impl Connection {
     pub(super) fn test(&mut self, reference: u16, service: &UserData<'_>) -> Step {
         let made = match service.sub {
-            _ if !TEST_FUNCTIONS.contains(&service.sub) => self.not_served(service),
-            sub::TEST_STATUS | sub::TEST_MODIFY | sub::TEST_BLOCK | sub::TEST_OLD_BLOCK => {
+            _ if !TEST_FUNCTIONS.contains(&service.sub) => Err(Code::TEST_FUNCTION),
+            sub::TEST_ISTACK | sub::TEST_BSTACK | sub::TEST_LSTACK => self.stack(service),
+            function if is_force(function) => self.force(function, function, service.data),
+            sub::TEST_LEAVE_HOLD => self.leave_hold(service),
+            sub::TEST_RESET if !self.may(Rights::Operate) => Err(Code::TEST_PROTECTED),
+            sub::TEST_RESET => Ok(Self::later(Ask::Control(Control::Reset), Service::Test(Ending::Resets))),
+            sub::TEST_STATUS | sub::TEST_MODIFY | sub::TEST_BLOCK | sub::TEST_OLD_BLOCK | sub::TEST_BREAKPOINT => {
                 let id = self.tests.free();
                 self.set_up(reference, service.sub, service.sub, id, service.data)
             }
-            sub::TEST_ENABLE => self.job_of(service).map(|id| {
-                self.arm(id);
-                Step::Answer(self.test_done(reference, service.sub))
-            }),
-            sub::TEST_DISABLE => self.job_of(service).and_then(|id| self.disable(reference, id)),
-            sub::TEST_DELETE => self.job_of(service).map(|id| self.delete(reference, id)),
-            sub::TEST_LIST => Ok(Step::Answer(self.job_list(reference))),
+            sub::TEST_ENABLE | sub::TEST_DISABLE | sub::TEST_DELETE => self.change(reference, service),
+            sub::TEST_LIST => Ok(Self::later(Ask::Forced, Service::Test(Ending::Listed))),
             sub::TEST_READ => self.read_job(reference, service),
             sub::TEST_REPLACE => self.replace(reference, service),
             _ => Ok(Self::later(Ask::Blink, Service::Test(Ending::Blinks))),
@@ -168,20 +205,27 @@ impl Connection {
         answer(reference, function, self.tests.free(), Code::DONE, &[])
     }
 
-    /// Stacks are there in STOP only.
-    fn not_served(&self, service: &UserData<'_>) -> Result<Step, Code> {
-        match service.sub {
-            sub::TEST_ISTACK | sub::TEST_BSTACK | sub::TEST_LSTACK => {
-                let ask = Ask::Szl { id: OPERATING_STATE, index: 0 };
-                Ok(Self::later(ask, Service::Test(Ending::Stack { service: service.sub })))
-            }
-            _ => Err(Code::TEST_FUNCTION),
+    /// Enables, disables or deletes the job that the service names.
+    fn change(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
+        let name = named(service)?;
+        if is_force(name.0) && name.1 == force::NUMBER {
+            return if service.sub == sub::TEST_DELETE { self.end_forcing() } else { Err(Code::TEST_ALWAYS) };
         }
-    }
-
-    /// The job a service names.
-    fn job_of(&self, service: &UserData<'_>) -> Result<u8, Code> {
-        self.known_job(named(service)?, Code::TEST_JOB)
+        let id = self.known_job(name, Code::TEST_JOB)?;
+        let is_set = service.sub == sub::TEST_ENABLE;
+        if self.is_stop(id) {
+            let (job, service) = (id, service.sub);
+            let ending = if is_set { Ending::Set { job, service, made: false } } else { Ending::Unset { job, service } };
+            return Ok(Self::later(self.set(id, is_set)?, Service::Test(ending)));
+        }
+        match service.sub {
+            sub::TEST_DISABLE => self.disable(reference, id),
+            sub::TEST_DELETE => Ok(self.delete(reference, id)),
+            _ => {
+                self.arm(id);
+                Ok(Step::Answer(self.test_done(reference, service.sub)))
+            }
+        }
     }
 
     /// The job of this function and number, or `why` there is none.
@@ -203,13 +247,15 @@ impl Connection {
                 let (slots, puts, length) = table::modify(setup.data)?;
                 (What::Modify(slots, puts), length)
             }
+            (sub::TEST_BREAKPOINT, _) if !self.may(Rights::Operate) => return Err(Code::TEST_PROTECTED),
+            (sub::TEST_BREAKPOINT, _) => (What::Stop(Stop::read(&setup)?), breakpoints::RESULT),
             (_, trigger) => {
                 let called = trigger == Trigger::Code { called: true };
                 let (watch, length) = Watch::read(function, &setup, called)?;
                 (What::Block(Box::new(watch)), length)
             }
         };
-        let is_table = !matches!(what, What::Block(_));
+        let is_table = matches!(what, What::Status(_) | What::Modify(..));
         if is_table && !setup.more.is_empty() {
             return Err(Code::TEST_SYNTAX);
         }
@@ -235,14 +281,14 @@ impl Connection {
             again: false,
             seen: None,
         };
-        let later = if let What::Block(watch) = &job.what {
-            let ask = Ask::Code { block: watch.block(), wanted: watch.wanted() };
-            // It cannot be enabled before its addresses are known.
-            job.goes = true;
-            Some(Self::later(ask, Service::Test(Ending::SetUp { job: id, service })))
-        } else {
-            None
+        let code = match &job.what {
+            What::Block(watch) => Some(Ask::Code { block: watch.block(), wanted: watch.wanted() }),
+            What::Stop(stop) => Some(stop.ask()),
+            What::Status(_) | What::Modify(..) => None,
         };
+        // It cannot be enabled before its addresses are known.
+        job.goes = code.is_some();
+        let later = code.map(|ask| Self::later(ask, Service::Test(Ending::SetUp { job: id, service })));
         let is_full = self.tests.jobs.len() >= JOBS;
         match self.tests.find(id) {
             Some(old) => {
@@ -296,6 +342,7 @@ impl Connection {
             What::Status(slots) => at(Access::Read(addresses(slots))),
             What::Modify(_, puts) => at(Access::Write(puts.clone())),
             What::Block(watch) => Ask::Pass(watch.order()),
+            What::Stop(_) => return,
         };
         self.armed(id, ask, Ending::Result { job: id });
     }
@@ -349,15 +396,23 @@ impl Connection {
     }
 
     /// For each job its function, its number, and whether it is armed; this service too is a job.
-    fn job_list(&self, reference: u16) -> Vec<u8> {
+    fn job_list(&self, reference: u16, reply: &Reply) -> Vec<u8> {
         let own = self.tests.free();
-        let state = |job: &TestJob| u8::from(job.asked.is_some() || job.stays.is_some());
+        let state = |job: &TestJob| match &job.what {
+            What::Stop(stop) => u8::from(stop.is_set()),
+            _ => u8::from(job.asked.is_some() || job.stays.is_some()),
+        };
         let jobs = self.tests.jobs.iter().map(|job| [job.function, job.id, 0, state(job)]);
-        let all: Vec<u8> = jobs.chain([[sub::TEST_LIST, own, 0, 0]]).flatten().collect();
+        let forced = if let Reply::Forced(cells) = reply { self.listed(cells) } else { None };
+        let all: Vec<u8> = jobs.chain(forced).chain([[sub::TEST_LIST, own, 0, 0]]).flatten().collect();
         answer(reference, sub::TEST_LIST, own, Code::DONE, &message(1, &all))
     }
 
     fn read_job(&self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
+        let (function, number) = named(service)?;
+        if is_force(function) && number == force::NUMBER {
+            return Ok(Self::later(Ask::Forced, Service::Test(Ending::ForcedJob)));
+        }
         let id = self.known_job(named(service)?, Code::TEST_NO_JOB)?;
         let request = self.tests.jobs.iter().find(|job| job.id == id).map_or(&[][..], |job| &job.request);
         Ok(Step::Answer(answer(reference, sub::TEST_READ, self.tests.free(), Code::DONE, request)))
@@ -365,8 +420,10 @@ impl Connection {
 
     /// `0000`, function and number, then the new request.
     fn replace(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
-        let (_, data) = parts(service.data)?;
-        let (&[_, _, function, number], request) = data.split_first_chunk::<4>().ok_or(Code::TEST_DATA)?;
+        let (function, number, request) = replacing(service.data)?;
+        if is_force(function) && number == force::NUMBER {
+            return self.force(sub::TEST_REPLACE, function, request);
+        }
         let id = self.known_job((function, number), Code::TEST_NO_JOB)?;
         self.set_up(reference, sub::TEST_REPLACE, function, id, request)
     }
@@ -376,13 +433,47 @@ impl Connection {
         match ending {
             Ending::Nothing => Vec::new(),
             Ending::Blinks => vec![self.test_done(reference, sub::TEST_BLINK)],
-            Ending::Stack { service } => {
-                let state = if let Reply::Szl { bytes, .. } = reply { bytes.get(STATE_AT).copied() } else { None };
-                let stopped = state.is_some_and(|state| state & 0x0F == STOP);
-                let why = if stopped { Code::TEST_FUNCTION } else { Code::TEST_NOT_IN_RUN };
-                vec![self.test_refused(reference, service, why)]
+            Ending::Resets => vec![match reply {
+                Reply::Done => self.test_done(reference, sub::TEST_RESET),
+                Reply::Refused(Code::PROTECTED) => {
+                    self.test_refused(reference, sub::TEST_RESET, Code::TEST_PROTECTED)
+                }
+                _ => self.test_refused(reference, sub::TEST_RESET, Code::TEST_NOT_IN_RUN),
+            }],
+            Ending::Stack { service, place } => self.stack_came(reference, service, place, reply),
+            Ending::Local { level } => self.local_came(reference, level, reply),
+            Ending::Set { job, service, made } => vec![self.set_came(reference, job, service, made, &reply)],
+            Ending::Unset { job, service } => vec![self.unset_came(reference, job, service)],
+            Ending::Released => {
+                self.released(&reply);
+                Vec::new()
             }
+            Ending::Leaves { to } => vec![self.leaves(reference, to, &reply)],
+            Ending::Held => {
+                self.hold_came(request, reply);
+                Vec::new()
+            }
+            Ending::MayForce(forcing) => self.may_force(reference, forcing, &reply),
+            Ending::Forces(forcing) => self.forces(reference, &forcing, &reply),
+            Ending::ForceEnds => vec![match reply {
+                Reply::Done => self.test_done(reference, sub::TEST_DELETE),
+                _ => self.test_refused(reference, sub::TEST_DELETE, Code::TEST_NO_ACCESS),
+            }],
+            Ending::Listed => vec![self.job_list(reference, &reply)],
+            Ending::ForcedJob => vec![self.forced_job(reference, &reply)],
             Ending::SetUp { job, service } => vec![match self.places_came(job, reply, true) {
+                Ok(()) if self.is_stop(job) && self.tests.find(job).is_some_and(|job| job.begin == Begin::AtOnce) => {
+                    match self.set(job, true) {
+                        Ok(ask) => {
+                            self.follow(ask, Service::Test(Ending::Set { job, service, made: true }));
+                            return Vec::new();
+                        }
+                        Err(why) => {
+                            self.tests.jobs.retain(|other| other.id != job);
+                            self.test_refused(reference, service, why)
+                        }
+                    }
+                }
                 Ok(()) => {
                     let answer = self.set_up_answer(reference, service, job);
                     self.begin(job);
@@ -418,10 +509,13 @@ impl Connection {
     /// What lies at the addresses of a block status.
     fn places_came(&mut self, id: u8, reply: Reply, is_first: bool) -> Result<(), Code> {
         let job = self.tests.find(id).ok_or(Code::TEST_JOB)?;
-        let What::Block(watch) = &mut job.what else { return Err(Code::TEST_JOB) };
         match reply {
             Reply::Code(places) => {
-                watch.found(places)?;
+                match &mut job.what {
+                    What::Block(watch) => watch.found(places)?,
+                    What::Stop(stop) => stop.found(&places)?,
+                    What::Status(_) | What::Modify(..) => return Err(Code::TEST_JOB),
+                }
                 if is_first {
                     job.goes = false;
                 }
@@ -472,7 +566,7 @@ impl Connection {
             _ if no_room => Seen::Later,
             (What::Status(slots), reply) => Seen::Result(Code::DONE, table::seen(slots, reply)),
             (What::Modify(slots, _), reply) => Seen::Result(Code::DONE, table::modified(slots, reply)),
-            (What::Block(_), _) => Seen::Later,
+            (What::Block(_) | What::Stop(_), _) => Seen::Later,
         };
         match seen {
             Seen::Result(code, data) => match &job.what {
@@ -520,13 +614,16 @@ impl Connection {
 
     /// Jobs for which there was no room are armed again.
     pub(super) fn tests_tick(&mut self, now_ms: u64) {
-        if !self.tests.jobs.iter().any(|job| job.again) {
+        if !self.tests.holds.again && !self.tests.jobs.iter().any(|job| job.again) {
             self.tests.again_ms = None;
         } else if now_ms >= *self.tests.again_ms.get_or_insert(now_ms + AGAIN_MS) {
             self.tests.again_ms = None;
             let ids: Vec<u8> = self.tests.jobs.iter().filter(|job| job.again).map(|job| job.id).collect();
             for id in ids {
                 self.arm(id);
+            }
+            if self.tests.holds.again {
+                self.wait_for_hold();
             }
         }
     }

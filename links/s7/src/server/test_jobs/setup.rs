@@ -2,6 +2,7 @@
 
 use ob1_model::Point;
 
+use super::force::is_force;
 use crate::codes::Code;
 use crate::wire::sub;
 
@@ -9,6 +10,10 @@ use crate::wire::sub;
 pub(super) const LENGTHS: usize = 4;
 /// Bytes of the parameters that all jobs have.
 const WORDS: usize = 20;
+
+/// How a job that forces begins, and that it stays.
+const FORCE_AT_ONCE: u16 = 0x0100;
+const ALWAYS: u16 = 0x0002;
 
 /// When a job that is set up begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +32,8 @@ pub(super) enum Trigger {
     Code {
         called: bool,
     },
+    /// The CPU holds before a statement.
+    Statement,
 }
 
 /// The request that sets a job up.
@@ -61,14 +68,17 @@ impl<'s> Setup<'s> {
         let mut next = || words.next().unwrap_or(0);
         let is = |is_so: bool, code| if is_so { Ok(()) } else { Err(code) };
         is(next() == 0, Code::TEST_VARIANT)?;
+        let force = is_force(function);
         let begin = match next() {
             0 => Begin::AtOnce,
+            FORCE_AT_ONCE if force => Begin::AtOnce,
             1 => Begin::WhenEnabled,
             2 if function == sub::TEST_MODIFY => Begin::Permanent,
             _ => return Err(Code::TEST_STATE),
         };
         let once = match next() {
             0 => false,
+            ALWAYS if force => false,
             1 if begin != Begin::Permanent => true,
             _ => return Err(Code::TEST_END),
         };
@@ -80,16 +90,27 @@ impl<'s> Setup<'s> {
             is(next() == 1, code)?;
         }
         let variables = matches!(function, sub::TEST_STATUS | sub::TEST_MODIFY);
+        let block = matches!(function, sub::TEST_BLOCK | sub::TEST_OLD_BLOCK);
         let trigger = match next() {
             0x0000 if variables => Trigger::Point(Point::Now),
             0x0200 if variables => Trigger::Point(Point::Start),
             0x0300 if variables => Trigger::Point(Point::End),
             0x0400 if variables => Trigger::Point(Point::Stop),
-            0x0600 if !variables => Trigger::Code { called: false },
-            0x0601 if !variables => Trigger::Code { called: true },
+            0x0000 if force => Trigger::Point(Point::Now),
+            0x0500 | 0x0C00 if function == sub::TEST_BREAKPOINT => Trigger::Statement,
+            0x0600 if block => Trigger::Code { called: false },
+            0x0601 if block => Trigger::Code { called: true },
             _ => return Err(Code::TEST_TRIGGER),
         };
         Ok(Self { begin, once, result, trigger, more, data })
+    }
+
+    /// The request that would force this: its lengths, parameters and data.
+    pub(super) fn of_force(data: &[u8]) -> Vec<u8> {
+        let count = data.first_chunk().copied().map_or(0, u16::from_be_bytes);
+        let result = (2 + count).next_multiple_of(2);
+        let words = [WORDS as u16, data.len() as u16, 0, FORCE_AT_ONCE, ALWAYS, result, 1, 1, 1, 1, 1, 0];
+        words.iter().flat_map(|word| word.to_be_bytes()).chain(data.iter().copied()).collect()
     }
 }
 
@@ -98,7 +119,7 @@ impl Trigger {
     pub(super) const fn class(self) -> u8 {
         match self {
             Trigger::Point(Point::Start | Point::End | Point::Stop) => 2,
-            Trigger::Point(Point::Now) | Trigger::Code { .. } => 1,
+            Trigger::Point(Point::Now) | Trigger::Code { .. } | Trigger::Statement => 1,
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Variable tables: addresses, and what status and modifying make of their values.
 
+use ob1_model::{Forced, ForcedArea, Width};
+
 use crate::codes::{Code, ItemCode};
 use crate::server::var::{Slot, codes, values};
 use crate::server::{Put, Reply};
@@ -86,6 +88,35 @@ pub(super) fn modify(data: &[u8]) -> Result<(Vec<Slot>, Vec<Put>, usize), Code> 
     }
     let length = (2 + slots.len()).next_multiple_of(2);
     Ok((slots, puts, length))
+}
+
+/// Forced cells as the data of the request that forces them.
+pub(super) fn forced(cells: &[Forced]) -> Vec<u8> {
+    let mut data = (cells.len() as u16).to_be_bytes().to_vec();
+    for cell in cells {
+        let area = match cell.area {
+            ForcedArea::Memory => 0x00,
+            ForcedArea::Input => 0x10,
+            ForcedArea::Output => 0x20,
+            ForcedArea::PeripheralInput | ForcedArea::PeripheralOutput => 0x30,
+        };
+        let (width, count) = match cell.width {
+            Width::Bit => (0, (cell.bit % 8) as u8),
+            Width::Byte => (1, 1),
+            Width::Word => (2, 1),
+            Width::DWord => (3, 1),
+        };
+        let [high, low] = ((cell.bit / 8) as u16).to_be_bytes();
+        data.extend([area | width, count, 0, 0, high, low]);
+    }
+    for cell in cells {
+        let bytes = cell.width.bytes() as usize;
+        data.extend([0x00, OCTET]);
+        data.extend((bytes as u16).to_be_bytes());
+        data.extend_from_slice(&cell.value.to_be_bytes()[4 - bytes..]);
+        data.extend((bytes % 2 == 1).then_some(0));
+    }
+    data
 }
 
 /// The values of all variables.

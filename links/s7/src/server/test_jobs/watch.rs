@@ -22,7 +22,7 @@ const BITS: u8 = STW | ACCU1 | ACCU2 | AR1 | AR2 | DB;
 /// Of the old form: this word of the code is the first of a statement, or nothing of it is wanted.
 const MARK: u8 = 0x80;
 /// What an open data block is called in front of its number.
-const DB_OPEN: u8 = 0x0A;
+pub(super) const DB_OPEN: u8 = 0x0A;
 
 /// A watched block.
 #[derive(Debug)]
@@ -65,19 +65,22 @@ const fn of_old(registers: u8) -> u8 {
     STW | accus | (registers & 0x06) << 2 | db
 }
 
-fn words<const N: usize>(bytes: &[u8]) -> Option<[u16; N]> {
+pub(super) fn words<const N: usize>(bytes: &[u8]) -> Option<[u16; N]> {
     let (words, rest) = bytes.as_chunks::<2>();
     if rest.is_empty() { <[[u8; 2]; N]>::try_from(words).ok().map(|words| words.map(u16::from_be_bytes)) } else { None }
 }
 
-fn block(ty: u16, number: u16) -> Result<BlockId, Code> {
-    let kind = match ty {
-        0x08 => BlockKind::Ob,
-        0x0C => BlockKind::Fc,
-        0x0E => BlockKind::Fb,
-        _ => return Err(Code::TEST_NO_BLOCK),
-    };
+/// Blocks of statements as the test functions number their types.
+const TYPES: [(u16, BlockKind); 3] = [(0x08, BlockKind::Ob), (0x0C, BlockKind::Fc), (0x0E, BlockKind::Fb)];
+
+pub(super) fn block(ty: u16, number: u16) -> Result<BlockId, Code> {
+    let (_, kind) = TYPES.into_iter().find(|(known, _)| *known == ty).ok_or(Code::TEST_NO_BLOCK)?;
     Ok(BlockId::new(kind, number))
+}
+
+/// The type of a block; 0 for a block without statements.
+pub(super) fn block_type(kind: BlockKind) -> u16 {
+    TYPES.into_iter().find(|(_, known)| *known == kind).map_or(0, |(ty, _)| ty)
 }
 
 impl Watch {

@@ -145,6 +145,11 @@ impl Tape {
         Self { events: Vec::new(), tail: Writes::default(), shadow, played: None, difference: None }
     }
 
+    /// It plays back.
+    pub(crate) const fn plays(&self) -> bool {
+        self.played.is_some()
+    }
+
     /// A question is asked; `Err` gives the tape back, because it plays.
     fn asked(mut self: Box<Self>, m: &Machine) -> Result<Asked, Box<Self>> {
         if self.played.is_some() {

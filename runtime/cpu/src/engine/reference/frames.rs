@@ -47,9 +47,4 @@ impl Frames {
         self.top.set(top);
         Some(self.list[top].get())
     }
-
-    /// Drops the frames above `top`.
-    pub(super) fn cut(&self, top: usize) {
-        self.top.set(top);
-    }
 }

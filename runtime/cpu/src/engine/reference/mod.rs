@@ -8,7 +8,7 @@ mod run;
 use std::cell::Cell;
 use std::sync::Arc;
 
-use super::plan::{Block, Op, Plan};
+use super::plan::{Block, Caller, Op, Plan};
 use super::{Engine, Entered, Entry, Factory, Watched};
 use crate::Abort;
 use crate::context::Context;
@@ -91,7 +91,12 @@ impl<const ACCOUNTS: bool> Engine for Reference<ACCOUNTS> {
             true => self.run::<true>(block, entry, cx),
         };
         // Drops the frames of blocks that an abort has left.
-        self.frames.cut(floor);
+        while self.frames.top() > floor
+            && let Some(frame) = self.frames.pop()
+        {
+            let at = Caller { block: frame.block, statement: frame.pc.saturating_sub(1) };
+            cx.abandoned_caller(at, frame.saved.blocks(), None);
+        }
         ran
     }
 

@@ -58,7 +58,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
             () => {
                 if executed >= cx.machine.hot.look_after || runtime.attention.is_due() {
                     cx.machine.hot.pending = executed;
-                    cx.safe_point(Caller { block: current, statement: pc as u32 })?;
+                    cx.safe_point(Caller { block: current, statement: pc as u32 }, &r)?;
                     executed = cx.machine.hot.pending;
                 }
             };
