@@ -58,6 +58,8 @@ pub enum Command {
     /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit
     /// memory, timers and counters are cleared, other data blocks get their load values.
     Warm,
+    /// Warm restart that keeps the values of all data blocks, whatever is retentive.
+    Keep,
     /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
     Cold,
     /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the
@@ -70,7 +72,8 @@ pub enum Command {
 
 impl Command {
     /// Every command.
-    pub const ALL: [Self; 6] = [Self::Run, Self::Stop, Self::Warm, Self::Cold, Self::Hot, Self::Reset];
+    pub const ALL: [Self; 7] =
+        [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
 
     /// The word for it on a command line, on the socket of a station and in the web page's requests.
     #[must_use]
@@ -79,6 +82,7 @@ impl Command {
             Self::Run => "run",
             Self::Stop => "stop",
             Self::Warm => "warm",
+            Self::Keep => "keep",
             Self::Cold => "cold",
             Self::Hot => "hot",
             Self::Reset => "reset",

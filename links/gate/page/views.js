@@ -11,6 +11,21 @@ function duration(ns) {
   return `${days > 0 ? `${days} d ` : ""}${hours} h ${minutes} min ${seconds % 60} s`;
 }
 
+const hex = (number, digits = 8) => number.toString(16).toUpperCase().padStart(digits, "0");
+
+/** In what the program was interrupted: who has called whom, and the registers. */
+function stack({ blocks, accus, addresses, local }) {
+  const name = (of) => `${of.block}${of.name ? ` ${of.name}` : ""}, ${say("network")} ${of.network}`;
+  const way = blocks.map((of, at) => h("li", {}, at > 0 ? `${say("calledBy")} ` : "", h("code", {}, name(of)),
+    of.source ? ` (${of.source}:${of.line})` : ""));
+  const [{ db, di }] = blocks;
+  const registers = [...accus.map((value, at) => `ACCU${at + 1} ${hex(value)}`),
+    ...addresses.map((value, at) => `AR${at + 1} ${hex(value)}`), `DB ${db}`, `DI ${di}`];
+  return h("details", {}, h("summary", {}, `${say("stack")}: ${name(blocks[0])}`), h("ol", {}, ...way),
+    h("p", {}, h("code", {}, registers.join(", "))),
+    local ? h("p", {}, `${say("localData")}: `, h("code", {}, local)) : null);
+}
+
 const words = { RUN: "running", STOP: "stopped", STARTUP: "starting", HOLD: "held" };
 
 /** Why the machine stands: in words, first of all. */
@@ -26,6 +41,7 @@ function reason(card, now, why) {
     if (because) lines.push(h("p", {}, `${say("because")}: ${because}`));
     const remedy = told.remedy || why.stop.remedy;
     if (remedy) lines.push(h("p", { class: "remedy" }, `${say("remedy")}: ${remedy}`));
+    if (why.stack && now !== "RUN") lines.push(stack(why.stack));
   } else if (why) {
     lines.push(h("p", { class: "quiet" }, say("noStop")));
   }

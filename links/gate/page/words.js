@@ -25,6 +25,7 @@ const words = {
     findHelp: "operand or symbol", statements: "statements", network: "network", line: "line", address: "Address",
     toTable: "Watch its variables", instance: "instance of", noReports: "There are no reports.", verdict: "Verdict", budget: "Budget", measured: "Measured",
     more: "and more", event: "Event", serious: "What the operating system granted", copied: "Loaded.",
+    stack: "Where it was", calledBy: "called by", localData: "Local data",
     loading: "…", closed: "Choose a block.",
   },
   de: {
@@ -55,6 +56,7 @@ const words = {
     statements: "Anweisungen", network: "Netzwerk", line: "Zeile", address: "Adresse",
     toTable: "Variablen beobachten", instance: "Instanz von", noReports: "Keine Berichte.", verdict: "Urteil", budget: "Grenze", measured: "Gemessen",
     more: "und weitere", event: "Ereignis", serious: "Zusagen des Betriebssystems", copied: "Geladen.", loading: "…",
+    stack: "Wo es war", calledBy: "aufgerufen von", localData: "Lokaldaten",
     closed: "Wählen Sie einen Baustein.",
   },
 };

@@ -78,13 +78,17 @@ impl Keep {
         keep
     }
 
-    /// Everything else becomes as after loading.
-    pub(crate) fn clear_rest(&self, memory: &mut Memory, timers: &mut [Timer], counters: &mut [Counter]) {
+    /// Areas, timers and counters that are not retentive become as after loading.
+    pub(crate) fn clear_areas(&self, memory: &mut Memory, timers: &mut [Timer], counters: &mut [Counter]) {
         memory.clear_areas(&self.memory);
-        memory.reload_dbs(&self.data);
-        memory.reload_made();
         clear_gaps(timers, &self.timers);
         clear_gaps(counters, &self.counters);
+    }
+
+    /// The same of data blocks.
+    pub(crate) fn reload_dbs(&self, memory: &mut Memory) {
+        memory.reload_dbs(&self.data);
+        memory.reload_made();
     }
 }
 

@@ -71,7 +71,7 @@ impl Context<'_> {
                 return Err(Abort);
             }
             // Obeyed in STOP, where these begin.
-            Some(Command::Warm | Command::Cold | Command::Reset) => {
+            Some(Command::Warm | Command::Keep | Command::Cold | Command::Reset) => {
                 self.stop_at(Event::STOP_OPERATOR, None, 0, "restart");
                 return Err(Abort);
             }

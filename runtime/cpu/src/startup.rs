@@ -13,6 +13,8 @@ use crate::{Clock, Command, Cpu, Family, ObInfo, OperatingState};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Start {
     Warm,
+    /// A warm restart that keeps all data blocks.
+    Keep,
     Hot,
     Cold,
 }
@@ -21,6 +23,7 @@ impl Start {
     const fn text(self) -> &'static str {
         match self {
             Start::Warm => "warm restart",
+            Start::Keep => "warm restart, all data blocks kept",
             Start::Hot => "hot restart",
             Start::Cold => "cold restart",
         }
@@ -29,7 +32,7 @@ impl Start {
     /// OB10x_STRTUP: a manual request.
     const fn request(self) -> u8 {
         match self {
-            Start::Warm => 0x81,
+            Start::Warm | Start::Keep => 0x81,
             Start::Hot => 0x83,
             Start::Cold => 0x85,
         }
@@ -38,7 +41,7 @@ impl Start {
     /// "Startup just completed" in OB10x_STRT_INFO: by a command over the access port.
     const fn completed(self) -> u8 {
         match self {
-            Start::Warm => 0x04,
+            Start::Warm | Start::Keep => 0x04,
             Start::Hot => 0x0C,
             Start::Cold => 0x08,
         }
@@ -47,7 +50,7 @@ impl Start {
     /// OB1_SCAN_1 of the first cycle after it.
     const fn first_scan(self) -> u8 {
         match self {
-            Start::Warm => 1,
+            Start::Warm | Start::Keep => 1,
             Start::Hot => 2,
             Start::Cold => 4,
         }
@@ -66,6 +69,7 @@ impl Cpu {
         match command {
             Command::Run if running => {}
             Command::Run | Command::Warm => self.start_up(Start::Warm, clock),
+            Command::Keep => self.start_up(Start::Keep, clock),
             Command::Cold => self.start_up(Start::Cold, clock),
             Command::Hot if self.machine.config.family == Family::S7_300 => {
                 self.diagnose(Event::STARTUP, 0, "refused: an S7-300 has no hot restart");
@@ -81,7 +85,7 @@ impl Cpu {
                 if running {
                     self.enter_stop();
                 }
-                self.clear(true);
+                self.clear(Start::Cold);
                 self.machine.force.clear();
                 self.has_run = false;
                 self.diagnose(Event::MEMORY_RESET, 0, "");
@@ -89,17 +93,23 @@ impl Cpu {
         }
     }
 
-    /// Everything that is not retentive becomes as after loading; on `cold` the rest too.
-    fn clear(&mut self, cold: bool) {
+    /// Everything that is not retentive becomes as after loading; on a cold restart the rest too.
+    fn clear(&mut self, kind: Start) {
         let m = &mut self.machine;
-        if cold {
-            m.memory.clear_areas(&[]);
-            m.memory.reload_dbs(&[]);
-            m.memory.delete_made();
-            m.timers.fill(Timer::default());
-            m.counters.fill(Counter::default());
-        } else {
-            m.keep.clear_rest(&mut m.memory, &mut m.timers, &mut m.counters);
+        match kind {
+            Start::Hot => return,
+            Start::Cold => {
+                m.memory.clear_areas(&[]);
+                m.memory.reload_dbs(&[]);
+                m.memory.delete_made();
+                m.timers.fill(Timer::default());
+                m.counters.fill(Counter::default());
+            }
+            Start::Warm => {
+                m.keep.clear_areas(&mut m.memory, &mut m.timers, &mut m.counters);
+                m.keep.reload_dbs(&mut m.memory);
+            }
+            Start::Keep => m.keep.clear_areas(&mut m.memory, &mut m.timers, &mut m.counters),
         }
         for native in &self.blocks.natives {
             native.block.reset();
@@ -134,9 +144,7 @@ impl Cpu {
             self.enter_stop();
         }
         let stop_event = self.stop_event;
-        if kind != Start::Hot {
-            self.clear(kind == Start::Cold);
-        }
+        self.clear(kind);
         self.unwind();
         self.machine.put_forced();
         self.machine.set_times_of_day();
@@ -154,7 +162,7 @@ impl Cpu {
         self.machine.standstill = Standstill::watched(self.machine.hot.now, self.state);
         let number = match kind {
             Start::Cold if self.blocks.ob(102).is_some() => 102,
-            Start::Warm | Start::Cold => 100,
+            Start::Warm | Start::Keep | Start::Cold => 100,
             Start::Hot => 101,
         };
         let found = self.blocks.ob(number);

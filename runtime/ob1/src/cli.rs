@@ -18,6 +18,7 @@ use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
 use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
 use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
+use crate::restart::{self, RestartArgs};
 use crate::soak::{self, SoakArgs};
 use crate::status::{self, StatusArgs};
 use crate::testing::{self, TestArgs};
@@ -85,6 +86,7 @@ enum Command {
     Compare(CompareArgs),
     Diff(DiffArgs),
     Load(LoadArgs),
+    Restart(RestartArgs),
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
@@ -223,6 +225,7 @@ impl Command {
             Command::Check(args) => check::check(&args),
             Command::Xref(args) => xref::xref(&args),
             Command::Load(args) => load::load(&args),
+            Command::Restart(args) => restart::restart(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(args),
             Command::Set(args) => remote::set(&args),

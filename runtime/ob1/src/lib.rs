@@ -22,6 +22,7 @@ mod live_text;
 pub mod load;
 pub mod new;
 pub mod remote;
+pub mod restart;
 pub mod soak;
 pub mod statistics;
 pub mod status;

@@ -27,19 +27,19 @@ use crate::exit::Exit;
 )]
 pub struct LoadArgs {
     /// A running station: its name or its file
-    station: String,
+    pub(crate) station: String,
     /// The program before the last change, of ob1 load or of a download
     #[arg(long)]
-    back: bool,
+    pub(crate) back: bool,
     /// Do not ask
     #[arg(long)]
-    yes: bool,
+    pub(crate) yes: bool,
     /// Only show what would change
     #[arg(long, conflicts_with = "yes")]
-    check: bool,
+    pub(crate) check: bool,
     /// As JSON: loaded, changed [{block, what}], lost; takes --yes or --check
     #[arg(long)]
-    json: bool,
+    pub(crate) json: bool,
 }
 
 /// Loads; prints what there is to print.
@@ -60,7 +60,7 @@ fn refused(why: &str) -> AccessError {
     AccessError::Refused(why.to_owned())
 }
 
-fn try_load(args: &LoadArgs) -> Result<Exit, AccessError> {
+pub(crate) fn try_load(args: &LoadArgs) -> Result<Exit, AccessError> {
     if args.json && !args.yes && !args.check {
         return Err(refused("--json does not ask: add --yes or --check"));
     }

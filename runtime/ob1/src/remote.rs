@@ -82,10 +82,11 @@ pub enum Action {
 
 impl ValueEnum for Action {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [Action; 9] = [
+        const ALL: [Action; 10] = [
             Action::Command(Command::Run),
             Action::Command(Command::Stop),
             Action::Command(Command::Warm),
+            Action::Command(Command::Keep),
             Action::Command(Command::Cold),
             Action::Command(Command::Hot),
             Action::Command(Command::Reset),
@@ -104,6 +105,7 @@ impl ValueEnum for Action {
                     Command::Run => "STOP to RUN by a warm restart; nothing in RUN",
                     Command::Stop => "To STOP: outputs off",
                     Command::Warm => "Warm restart: OB 100; M, T, Z cleared, data blocks kept",
+                    Command::Keep => "Warm restart that keeps all data blocks, whatever [retentive] says",
                     Command::Cold => "Cold restart: OB 102 or OB 100; data blocks get their load values",
                     Command::Hot => "Hot restart: OB 101; everything keeps its value (S7-400 only)",
                     Command::Reset => "Memory reset: STOP, everything as after loading",

@@ -20,6 +20,7 @@ pub(crate) mod pair;
 pub(crate) mod peer;
 pub(crate) mod processes;
 pub(crate) mod s7;
+pub(crate) mod s7_tests;
 pub(crate) mod site;
 pub(crate) mod station;
 pub(crate) mod steps;

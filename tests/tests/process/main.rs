@@ -37,6 +37,7 @@ mod s7_download;
 mod s7_recordings;
 mod s7_siege;
 mod s7_status;
+mod s7_stops;
 mod s7_tshark;
 mod scan;
 mod serial_devices;

@@ -64,7 +64,7 @@ wire!(enum Piece { 0 => Bytes { at, len }, 1 => Value(cell, width) });
 wire!(enum Put { 0 => Value(cell, width, value), 1 => Bytes(cell, bytes) });
 wire!(enum State { 0 => Stop, 1 => Startup, 2 => Run, 3 => Hold });
 wire!(enum Right { 0 => Read, 1 => Write, 2 => Operate });
-wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => Reset });
+wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => Reset, 6 => Keep });
 wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,

@@ -177,10 +177,14 @@ impl Page {
         }
     }
 
-    /// Why the CPU is or was last in STOP: the newest STOP, and the entry right before it.
+    /// Why the CPU is or was last in STOP: the newest STOP, the entry right before it, and the stacks.
     pub(super) async fn why(&self, client: &Client) -> Reply {
         match self.entries(client).await {
-            Ok(entries) => send(&why(&entries)),
+            Ok(entries) => {
+                let mut told = why(&entries);
+                told["stack"] = self.stack(client).await;
+                send(&told)
+            }
             Err(why) => trouble(&why),
         }
     }

@@ -4,6 +4,7 @@ mod api;
 mod files;
 mod program;
 mod sessions;
+mod stack;
 mod stream;
 mod taps;
 

@@ -1,6 +1,7 @@
 //! The broker between doors and a CPU, all in one thread and in virtual time.
 
 mod events;
+mod every_right;
 mod limits;
 mod points;
 mod requests;

@@ -53,6 +53,8 @@ fn state(bench: &mut Bench) -> ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) {
 
 const KEPT: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) =
     ([0x0102_0000, 0x0506_0708, 0], [0x2096, 0x2100], [0, 72, 73], 0x1111, [0x0909, 0x1111, 0x0909]);
+/// A restart that keeps all data blocks.
+const DATA_KEPT: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) = (KEPT.0, KEPT.1, KEPT.2, 0x1111, [0x1111; 3]);
 const NOTHING: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) = ([0; 3], [0; 2], [0; 3], 0x0202, [0x0909; 3]);
 
 fn start(config: CpuConfig, program: &Program) -> Bench {
@@ -64,7 +66,7 @@ fn start(config: CpuConfig, program: &Program) -> Bench {
 #[test]
 fn a_warm_restart_keeps_the_ranges_and_a_cold_one_nothing() {
     on_each_engine(|| {
-        for (command, expected) in [(Command::Warm, KEPT), (Command::Cold, NOTHING)] {
+        for (command, expected) in [(Command::Warm, KEPT), (Command::Keep, DATA_KEPT), (Command::Cold, NOTHING)] {
             let mut bench = start(config(only()), &station());
             fill(&mut bench);
             bench.cpu.request(Command::Stop);

@@ -6,7 +6,7 @@ use super::setup::{Setup, parts};
 use super::telegrams::{answer, result};
 use super::{Ending, table};
 use crate::Rights;
-use crate::codes::Code;
+use crate::codes::{Code, ItemCode};
 use crate::server::service::Service;
 use crate::server::{Ask, Connection, Put, Reply, Step};
 use crate::wire::sub;
@@ -49,7 +49,7 @@ impl Connection {
         if slots.iter().any(Result::is_err) {
             return Err(Code::TEST_VARIABLE);
         }
-        let told = table::modified(&slots, Reply::Done);
+        let told = table::modified(&slots, Reply::Written(vec![ItemCode::DONE; slots.len()]));
         let forcing = Forcing { function, service, puts, told };
         Ok(Self::later(Ask::Forced, Service::Test(Ending::MayForce(Box::new(forcing)))))
     }

@@ -72,7 +72,7 @@ impl<'s> Setup<'s> {
         let begin = match next() {
             0 => Begin::AtOnce,
             FORCE_AT_ONCE if force => Begin::AtOnce,
-            1 => Begin::WhenEnabled,
+            1 if !force => Begin::WhenEnabled,
             2 if function == sub::TEST_MODIFY => Begin::Permanent,
             _ => return Err(Code::TEST_STATE),
         };
