@@ -2,11 +2,14 @@
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
+use std::time::Duration;
 
 /// The connection request of a panel: TSAP 02.02.
 pub const CALL: &[u8] = &[3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 2, 2];
 /// Eight jobs, a PDU of 480 bytes.
 pub const SETUP: &[u8] = &[3, 0, 0, 25, 2, 0xF0, 0x80, 0x32, 1, 0, 0, 0, 1, 0, 8, 0, 0, 0xF0, 0, 0, 8, 0, 8, 1, 0xE0];
+/// A station that does not answer for this long is broken: no test waits for ever.
+const PATIENCE: Duration = Duration::from_secs(90);
 /// Bytes of a job of [`read_job`].
 pub const READ_BYTES: usize = 31;
 
@@ -77,6 +80,7 @@ impl Raw {
     pub fn open(port: u16) -> std::io::Result<Self> {
         let mut raw = Self(TcpStream::connect(("127.0.0.1", port))?);
         raw.0.set_nodelay(true)?;
+        raw.0.set_read_timeout(Some(PATIENCE))?;
         for telegram in [CALL, SETUP] {
             raw.0.write_all(telegram)?;
             let frame = raw.frame()?;

@@ -34,9 +34,10 @@ const LOOK: Duration = Duration::from_millis(20);
 /// RET_VAL of SFC 51: no such list, no such index.
 const NO_LIST: u16 = 0x8082;
 const NO_INDEX: u16 = 0x8083;
-const STOP: u8 = 0x04;
+const STOP: u8 = 0x03;
 const STARTUP: u8 = 0x06;
 const RUN: u8 = 0x08;
+const HOLD: u8 = 0x0A;
 
 /// The requests of one connection.
 #[derive(Debug, Default)]
@@ -468,7 +469,7 @@ impl Transition {
             Answer::Szl { bytes, .. } => bytes.get(STATE_AT).map(|state| state & 0x0F),
             _ => None,
         };
-        let runs = state.map(|state| matches!(state, RUN | STARTUP));
+        let runs = state.map(|state| matches!(state, RUN | STARTUP | HOLD));
         let step = match step {
             // Memory reset is for a CPU in STOP.
             Step::Before(_) if control == Control::Reset && state != Some(STOP) => {

@@ -8,7 +8,7 @@ use std::time::{self, Duration};
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
-use ob1_model::{DebugOrder, Event, Forced, PointItem, StateChange};
+use ob1_model::{DebugAnswer, DebugEnd, DebugOrder, Event, Forced, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -365,11 +365,20 @@ impl Broker {
                     return Err(Refusal::Full);
                 }
                 let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
-                let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
-                client.take(Job::Debug(asker.ticket, order.clone()))?;
-                joint.debugs(asker.client, &order);
-                self.record(asker.link, asker.client, word(&order), "taken", now);
-                return Ok(None);
+                let told = word(&order);
+                let ended = order == DebugOrder::End;
+                if ended {
+                    joint.end_debugging();
+                } else {
+                    let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+                    client.take(Job::Debug(asker.ticket, order))?;
+                    joint.debugger = Some(asker.client);
+                }
+                if let Some(told) = told {
+                    self.record(asker.link, asker.client, told, "taken", now);
+                }
+                let done = Answer::Debug(DebugAnswer { end: DebugEnd::Done, ..DebugAnswer::default() });
+                return Ok(ended.then_some(done));
             }
             Ask::Point(order) => {
                 if order.stays || order.items.iter().any(|item| matches!(item, PointItem::Write(_))) {

@@ -122,7 +122,7 @@ pub(crate) struct Joint {
     number: u64,
     out: BTreeMap<u64, Out>,
     /// The client that sets breakpoints.
-    debugger: Option<u32>,
+    pub(crate) debugger: Option<u32>,
     /// It is gone, and the CPU does not know yet.
     debugger_gone: bool,
     /// Passes and points nobody waits for any more.
@@ -428,9 +428,9 @@ impl Joint {
         Some(out)
     }
 
-    /// This client sets breakpoints from now on, unless another does.
-    pub(crate) fn debugs(&mut self, client: u32, order: &DebugOrder) {
-        self.debugger = (*order != DebugOrder::End).then_some(client);
+    /// Nobody sets breakpoints any more. The CPU is told before anything of the next one who does.
+    pub(crate) fn end_debugging(&mut self) {
+        self.debugger_gone |= self.debugger.take().is_some();
     }
 
     /// Whether somebody else than this client sets breakpoints.

@@ -36,13 +36,12 @@ pub(crate) fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal>
     if allowed { Ok(()) } else { Err(Refusal::Right) }
 }
 
-/// What is asked about breakpoints, in a word for the record.
-pub(crate) const fn word(order: &DebugOrder) -> &'static str {
+/// What is asked about breakpoints, in a word for the record; what changes nothing is not recorded.
+pub(crate) const fn word(order: &DebugOrder) -> Option<&'static str> {
     match order {
-        DebugOrder::Breakpoints(_) => "breakpoints",
-        DebugOrder::Hold { resume: None, .. } => "wait for HOLD",
-        DebugOrder::Hold { .. } => "leave HOLD",
-        DebugOrder::End => "no breakpoints",
-        DebugOrder::Stack { .. } => "stacks",
+        DebugOrder::Breakpoints(_) => Some("breakpoints"),
+        DebugOrder::Hold { resume: Some(_), .. } => Some("leave HOLD"),
+        DebugOrder::End => Some("no breakpoints"),
+        DebugOrder::Hold { resume: None, .. } | DebugOrder::Stack { .. } => None,
     }
 }
