@@ -34,6 +34,7 @@ mod rk512;
 mod s7;
 mod s7_400;
 mod s7_download;
+mod s7_judge;
 mod s7_recordings;
 mod s7_siege;
 mod s7_status;
