@@ -410,7 +410,12 @@ pub(crate) fn interpret<const PROBED: bool>(
                 (left != 0).then_some(*to)
             }
             Op::JumpList { targets, otherwise } => {
-                Some(targets.get((r.a1 & 0xFF) as usize).copied().unwrap_or(*otherwise))
+                let index = (r.a1 & 0xFF) as usize;
+                // The jump that it takes runs, too.
+                if PROBED && index < targets.len() {
+                    cx.next_statement(run, (pc + index) as u32, r)?;
+                }
+                Some(targets.get(index).copied().unwrap_or(*otherwise))
             }
             Op::Call(_) => {
                 let hot = cx.hot();

@@ -4,6 +4,7 @@
 use ob1_model::PASS_JOBS;
 
 use super::Caller;
+use super::call::status_of_call;
 use super::regs::Regs;
 use crate::watching::Entering;
 use crate::{Abort, Context};
@@ -99,10 +100,13 @@ impl Context<'_> {
         self.may_hold(run, statement, r)
     }
 
-    /// A probed run has come to its block's end; the registers are those that the end finds.
+    /// A probed run has come to its block's end; the registers are those that the end finds. Behind it the chain has
+    /// ended, and OS is 0.
     pub fn pass_ends(&mut self, run: u32, r: &Regs) {
         let now = self.machine.real();
-        self.machine.watching.end(run, r, now);
+        let mut behind = *r;
+        status_of_call(&mut behind);
+        self.machine.watching.end(run, &behind, now);
     }
 
     fn statements(&self) -> u64 {

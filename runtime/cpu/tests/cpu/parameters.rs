@@ -315,3 +315,18 @@ fn composed_actuals_of_every_kind_for_every_kind_of_block() {
         }
     });
 }
+
+/// STEP 7 copies an elementary parameter that an FC hands on to an FC, and the result back behind the call.
+#[test]
+fn a_parameter_that_is_handed_on_is_a_copy() {
+    on_each_engine(|| {
+        let source = "FUNCTION FC 1 : VOID VAR_INPUT i : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN
+             L 9; T MW 30; L #i; T MW 32; L 1; T #q; L 2; T MW 124; END_FUNCTION
+             FUNCTION FC 2 : VOID VAR_INPUT i : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN
+             CALL FC 1 (i := #i, q := #q); END_FUNCTION
+             ORGANIZATION_BLOCK OB 1 BEGIN L 5; T MW 30; CALL FC 2 (i := MW 30, q := MW 124); END_ORGANIZATION_BLOCK";
+        let mut bench = bench(source, &[]);
+        bench.run();
+        assert_eq!((bench.mw(30), bench.mw(32), bench.mw(124)), (9, 5, 1));
+    });
+}

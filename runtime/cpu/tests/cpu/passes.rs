@@ -216,3 +216,28 @@ fn the_load_of_a_job_is_bounded() {
         }
     });
 }
+
+#[test]
+fn behind_an_end_the_chain_has_ended() {
+    let conditional = "FUNCTION FC 1 : VOID\nBEGIN\nSET;\n= M 0.0;\nU M 0.0;\nO;\nU M 0.1;\nBEB;\nL 1;\nEND_FUNCTION\n\
+        FUNCTION FC 2 : VOID\nBEGIN\nL 32767;\nL 1;\n+I;\nU M 0.0;\nSPBN no;\nBEA;\nno: NOP 0;\nEND_FUNCTION\n\
+        ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FC 1;\nCALL FC 2;\nEND_ORGANIZATION_BLOCK\n";
+    watched(conditional, &[], |bench, looker| {
+        let seen = pass(bench, looker, order(fc(1)));
+        assert_eq!((seen.lines[5].times, seen.lines[5].status), (1, RLO | STA), "BEB");
+        assert_eq!(seen.lines[6].times, 0);
+        let seen = pass(bench, looker, order(fc(2)));
+        assert_eq!((seen.lines[5].times, seen.lines[5].status & !CC0), (1, RLO | STA | OV), "BEA clears OS");
+    });
+}
+
+#[test]
+fn the_jump_that_a_list_takes_has_run() {
+    let source = "FUNCTION FC 3 : VOID\nBEGIN\nL 1;\nSPL over;\nSPA a;\nSPA b;\nover: SPA e;\na: L 7;\nb: L 5;\ne: NOP 0;\n\
+        END_FUNCTION\nORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FC 3;\nEND_ORGANIZATION_BLOCK\n";
+    watched(source, &[], |bench, looker| {
+        let seen = pass(bench, looker, order(fc(3)));
+        assert_eq!(times(&seen), [1, 1, 0, 1, 0, 0, 1, 1, 1]);
+        assert_eq!(seen.lines[3].accus[0], 1);
+    });
+}

@@ -301,7 +301,11 @@ fn operand_reference(
             if u64::from(at.0) + u64::from(bits) > u64::from(Layout::bits(&param.ty).max(8)) {
                 return Err(wrong(format!("{} is too small for parameter {}", param.name, index + 1)));
             }
-            RefArg::Param { index: own, at: at.0 }
+            // STEP 7 hands on a copy, so that a called FC sees nothing of what its caller's caller changes meanwhile.
+            match formal.elementary {
+                true => RefArg::Copy { place, bits, scratch: take(bits), out },
+                false => RefArg::Param { index: own, at: at.0 },
+            }
         }
         place if formal.elementary => RefArg::Copy { place, bits, scratch: take(bits), out },
         Place::Fixed(Area::Peripheral, _) => {
