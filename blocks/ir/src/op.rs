@@ -303,6 +303,17 @@ impl Jump {
     ];
 }
 
+impl Op {
+    /// The numbers of [`Op::Build`].
+    pub const BUILDS: std::ops::RangeInclusive<u8> = 100..=103;
+
+    /// `BLD n`.
+    #[must_use]
+    pub fn build(number: u8) -> Self {
+        if Self::BUILDS.contains(&number) { Op::Build(number) } else { Op::Nop }
+    }
+}
+
 /// One statement's operation. Jump targets are statement indices in the same block.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
@@ -495,6 +506,8 @@ pub enum Op {
     McrOpen,
     /// `)MCR`.
     McrClose,
-    /// `NOP 0`, `NOP 1`, `BLD n`.
+    /// `NOP 0`, `NOP 1`, and every `BLD n` that is no [`Op::Build`].
     Nop,
+    /// `BLD 100` to `BLD 103`, [`Op::BUILDS`]: no operation. STEP 7's ladder and function plan are drawn by them.
+    Build(u8),
 }

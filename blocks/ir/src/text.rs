@@ -335,6 +335,7 @@ impl Display for Op {
             Op::McrOpen => f.write_str("MCR("),
             Op::McrClose => f.write_str(")MCR"),
             Op::Nop => f.write_str("NOP 0"),
+            Op::Build(n) => write!(f, "BLD {n}"),
         }
     }
 }

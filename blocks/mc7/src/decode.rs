@@ -338,7 +338,8 @@ impl Lowering<'_, '_, '_> {
                 let call = self.uncond(call).map_err(|p| Mc7Error::at(p, item.offset, rest))?;
                 Op::Call(Box::new(call))
             }
-            Mc7Op::Build(_) | Mc7Op::Nop0 | Mc7Op::Nop1 => Op::Nop,
+            Mc7Op::Nop0 | Mc7Op::Nop1 => Op::Nop,
+            Mc7Op::Build(n) => Op::build(*n),
             Mc7Op::BlockEnd | Mc7Op::End => Op::End,
         };
         self.push(vec![op], 1);

@@ -205,7 +205,7 @@ fn operation(
         return Some(Lowered::Op(op));
     }
     match &row.shape {
-        Shape::AddConst | Shape::Increment | Shape::Decrement | Shape::Shift(..) | Shape::Numbered => {
+        Shape::AddConst | Shape::Increment | Shape::Decrement | Shape::Shift(..) | Shape::Nothing | Shape::Build => {
             return counted(resolver, reader, &row.shape).map(Lowered::Op);
         }
         _ => {}
@@ -298,7 +298,7 @@ fn without_operand(shape: &Shape) -> Option<Op> {
         Shape::LoadAr(register) => Op::LoadAr(*register),
         Shape::TransferAr(register) => Op::TransferAr(*register),
         Shape::AddAr(register) => Op::AddAr(*register),
-        Shape::Numbered => Op::Nop,
+        Shape::Nothing | Shape::Build => Op::Nop,
         _ => return None,
     })
 }
@@ -329,6 +329,7 @@ fn counted(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: &Shape) -
             let range = if *max == 15 { "0 to 15" } else { "0 to 32" };
             (byte(*max).map(|n| Op::Shift(*shift, Some(n))), range)
         }
+        Shape::Build => (byte(255).map(Op::build), "0 to 255"),
         _ => (byte(255).map(|_| Op::Nop), "0 to 255"),
     };
     if op.is_none() {

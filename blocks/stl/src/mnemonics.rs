@@ -62,8 +62,10 @@ pub(crate) enum Shape {
     Loop,
     JumpList,
     Call(CallMode),
-    /// `NOP n`, `BLD n`.
-    Numbered,
+    /// `NOP n`.
+    Nothing,
+    /// `BLD n`.
+    Build,
 }
 
 /// A mnemonic.
@@ -279,6 +281,6 @@ pub(crate) static ROWS: &[Row] = &[
     both("MCRD", Shape::Plain(Op::McrDeactivate)),
     both("MCR(", Shape::Plain(Op::McrOpen)),
     both(")MCR", Shape::Plain(Op::McrClose)),
-    both("BLD", Shape::Numbered),
-    both("NOP", Shape::Numbered),
+    both("BLD", Shape::Build),
+    both("NOP", Shape::Nothing),
 ];

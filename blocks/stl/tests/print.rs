@@ -152,3 +152,15 @@ fn what_an_indirect_address_is_in_has_its_name() {
     let lines: Vec<&str> = text.lines().map(str::trim).collect();
     assert_eq!(lines, ["NETWORK", "L DBW [#p];", "AUF DB [#n];", "U T [#pair[1]];", "L MW [LD 20];", "AUF DI [LW 0];"]);
 }
+
+/// The marks of STEP 7's ladder come back from text; a `BLD` that means nothing is none.
+#[test]
+fn the_marks_of_ladder_are_kept() {
+    let source = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nBLD 100;\nBLD 103;\nBLD 99;\nEND_FUNCTION\n";
+    let output = compile(&[Source::new("a", source)], &Library::new(), &Options::default());
+    let block = output.program.blocks.first().expect("one block");
+    let ops: Vec<&Op> = block.code.iter().map(|stmt| &stmt.op).collect();
+    assert_eq!(ops, [&Op::Build(100), &Op::Build(103), &Op::Nop]);
+    let printed = Printer::new(Mnemonics::German, &|_| None).statements(block, &Listing::default()).expect("text");
+    assert_eq!(printed, "NETWORK\n      BLD 100;\n      BLD 103;\n      NOP 0;\n");
+}

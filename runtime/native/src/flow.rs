@@ -224,7 +224,7 @@ impl Env<'_> {
             Op::LoadTimer(_) | Op::LoadCounter(_) => (needed(A2, A1) | AR2, A1 | A2),
             Op::ResetTimer(_) | Op::CountUp(_) | Op::CountDown(_) | Op::ResetCounter(_) => (RLO | AR2, FC | OR),
             Op::LoadDbLength(_) | Op::LoadDbNumber(_) => (A1, 0),
-            Op::Nop => (0, 0),
+            Op::Nop | Op::Build(_) => (0, 0),
             // Run by the reference, which may use any of these.
             _ => (ALL & !(CC | OV | OS | BR), 0),
         }

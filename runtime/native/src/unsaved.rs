@@ -15,7 +15,13 @@ pub(crate) fn changes(op: &Op) -> Set {
         Op::NotRlo => RLO | STA,
         Op::SaveRlo => BR,
         Op::Load(_) | Op::LoadConst(_) | Op::LoadTimer(_) | Op::LoadCounter(_) | Op::TransferAr(_) => A1 | A2,
-        Op::Transfer(_) | Op::TransferArTo(..) | Op::JumpList { .. } | Op::OpenDb(..) | Op::Nop | Op::End => 0,
+        Op::Transfer(_)
+        | Op::TransferArTo(..)
+        | Op::JumpList { .. }
+        | Op::OpenDb(..)
+        | Op::Nop
+        | Op::Build(_)
+        | Op::End => 0,
         Op::Arithmetic(..) => A1 | A2 | CC | OV | OS,
         Op::AddConst { .. } | Op::Increment(_) | Op::Decrement(_) | Op::Loop(_) => A1,
         Op::Compare(..) => RLO | CHAIN | CC | OV | OS,

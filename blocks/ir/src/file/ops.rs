@@ -57,6 +57,7 @@ pub(super) fn plain() -> Vec<Op> {
     all.extend(Shift::ALL.map(|shift| Op::Shift(shift, None)));
     all.extend(Convert::ALL.map(Op::Convert));
     all.extend(MathFn::ALL.map(Op::Math));
+    all.extend(Op::BUILDS.map(Op::Build));
     all
 }
 

@@ -232,6 +232,7 @@ impl Encoder<'_, '_> {
             }
             Op::Call(call) => self.call(call)?,
             Op::Nop => self.put(Mc7Op::Nop0),
+            Op::Build(n) => self.put(Mc7Op::Build(*n)),
             Op::End => self.put(Mc7Op::End),
             Op::OpenDb(DbRegister::Db, Number::Instance(pointer)) if self.is_pointer(*pointer) => {
                 return self.through(*pointer, rest);

@@ -269,7 +269,7 @@ impl Made<'_> {
                 Op::McrClose
             }
             34 => return self.parameter(),
-            35 => self.bytes.of(&[Op::End, Op::EndIf, Op::Nop, Op::McrActivate, Op::McrDeactivate]),
+            35 => self.bytes.of(&[Op::End, Op::EndIf, Op::Nop, Op::Build(102), Op::McrActivate, Op::McrDeactivate]),
             _ => self.call(),
         };
         self.push(op);

@@ -19,6 +19,26 @@ impl Printer<'_> {
     pub(super) fn call(&self, block: &CodeBlock, call: &Call, handed: &[Handed]) -> Result<String, String> {
         let mode = call.mode;
         let mut out = self.mnemonic(&|shape| matches!(shape, Shape::Call(m) if *m == mode)).to_owned();
+        out.push_str(&self.called(block, call)?);
+        match mode {
+            CallMode::Call => {
+                let actuals = self.actuals(block, call, handed)?;
+                for (at, (name, text)) in actuals.iter().enumerate() {
+                    let before = if at == 0 { " (\n        " } else { ",\n        " };
+                    let _ = write!(out, "{before}{name} := {text}");
+                }
+                if !actuals.is_empty() {
+                    out.push(')');
+                }
+            }
+            _ => self.list(call, &mut out)?,
+        }
+        Ok(out)
+    }
+
+    /// ` FB 5, DB 6`: what is called.
+    pub(super) fn called(&self, block: &CodeBlock, call: &Call) -> Result<String, String> {
+        let mut out = String::new();
         let interface = &block.interface;
         match call.target {
             Target::Block(id) => {
@@ -46,10 +66,6 @@ impl Printer<'_> {
             Some(_) => return Err("an instance data block given in this way".to_owned()),
             None => {}
         }
-        match mode {
-            CallMode::Call => self.actuals(block, call, handed, &mut out)?,
-            _ => self.list(call, &mut out)?,
-        }
         Ok(out)
     }
 
@@ -69,10 +85,17 @@ impl Printer<'_> {
         Ok(())
     }
 
-    fn actuals(&self, block: &CodeBlock, call: &Call, handed: &[Handed], out: &mut String) -> Result<(), String> {
-        let (Target::Block(id) | Target::Local(id, _)) = call.target else { return Ok(()) };
+    /// Names and texts of the actual parameters that are supplied.
+    pub(super) fn actuals(
+        &self,
+        block: &CodeBlock,
+        call: &Call,
+        handed: &[Handed],
+    ) -> Result<Vec<(String, String)>, String> {
+        let mut out = Vec::new();
+        let (Target::Block(id) | Target::Local(id, _)) = call.target else { return Ok(out) };
         let callee = (self.callees)(id).ok_or_else(|| format!("a call of {id}, whose parameters are not known"))?;
-        let (mut first, mut named) = (true, 0);
+        let mut named = 0;
         for (formal, arg) in callee.formals().zip(&call.args) {
             let one = handed.iter().find(|one| *arg == one.arg());
             let text = match arg {
@@ -96,14 +119,9 @@ impl Printer<'_> {
                 Arg::Raw(_) => None,
             };
             let text = text.ok_or_else(|| format!("the actual `{arg}` of {} of {id}", formal.name))?;
-            let _ =
-                write!(out, "{}{} := {text}", if first { " (\n        " } else { ",\n        " }, quoted(&formal.name));
-            first = false;
+            out.push((quoted(&formal.name), text));
         }
-        if !first {
-            out.push(')');
-        }
-        if named == handed.len() { Ok(()) } else { Err("a pointer that it does not take".to_owned()) }
+        if named == handed.len() { Ok(out) } else { Err("a pointer that it does not take".to_owned()) }
     }
 
     /// An operand as actual parameter.

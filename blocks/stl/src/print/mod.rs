@@ -17,3 +17,4 @@ mod statement;
 pub use constant::constant;
 pub use declare::{Declared, Heading};
 pub use printer::{Callees, Listing, Printer, Unprintable};
+pub use statement::Shown;

@@ -36,6 +36,20 @@ impl Printer<'_> {
         Ok(all)
     }
 
+    /// The statements of a block in parts; where one cannot be expressed in a source, it is shown as the operation.
+    #[must_use]
+    pub fn shown(&self, block: &CodeBlock, listing: &Listing) -> Vec<Shown> {
+        let labels = labels(block, &listing.labels);
+        let lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };
+        let (mut at, mut all) = (0, Vec::new());
+        while at < block.code.len() {
+            let shown = lines.shown(at);
+            at += shown.used as usize;
+            all.push(shown);
+        }
+        all
+    }
+
     /// The statements of a block, each network with its heading, each line ended.
     ///
     /// # Errors
@@ -59,6 +73,21 @@ struct Lines<'l, 'p> {
     labels: BTreeMap<u32, String>,
     out: String,
     network: u16,
+}
+
+/// A statement as it is shown, in parts; for views other than text.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// The first operation, and how many it is. The last one does what the statement says.
+    pub at: u32,
+    /// See above.
+    pub used: u32,
+    /// Its label.
+    pub label: String,
+    /// What follows the mnemonic, perhaps nothing; of a call what is called.
+    pub operand: String,
+    /// The actual parameters of a `CALL` that are supplied, each with the name of its formal.
+    pub actuals: Vec<(String, String)>,
 }
 
 impl Lines<'_, '_> {
@@ -106,6 +135,30 @@ impl Lines<'_, '_> {
         Ok(used)
     }
 
+    /// The statement at an index, in parts.
+    fn shown(&self, at: usize) -> Shown {
+        let mut shown = Shown { at: at as u32, used: 1, ..Shown::default() };
+        shown.label = self.labels.get(&shown.at).cloned().unwrap_or_default();
+        let pointers = self.pointers(at).unwrap_or_else(|| (Vec::new(), 1));
+        let several = self.through(at).map(|text| (text, 3)).or_else(|| self.pointed(at).map(|text| (text, 7)));
+        if let Some((text, used)) = several {
+            (shown.operand, shown.used) = (text.split_once(' ').map_or("", |(_, operand)| operand).to_owned(), used);
+            return shown;
+        }
+        let Some(op) = self.block.code.get(at + pointers.1 - 1).map(|stmt| &stmt.op) else { return shown };
+        shown.used = pointers.1 as u32;
+        let Op::Call(call) = op else {
+            shown.operand = self.operand(at, op).unwrap_or_else(|| op.to_string());
+            return shown;
+        };
+        let called = self.printer.called(self.block, call);
+        match (called, self.printer.actuals(self.block, call, &pointers.0)) {
+            (Ok(called), Ok(actuals)) => (shown.operand, shown.actuals) = (called.trim_start().to_owned(), actuals),
+            _ => shown.operand = op.to_string(),
+        }
+        shown
+    }
+
     /// A component of a composed in/out of a function block: the data block its POINTER names is opened, AR1 loaded,
     /// and the statement done through AR1.
     fn through(&self, at: usize) -> Option<String> {
@@ -147,8 +200,8 @@ impl Lines<'_, '_> {
     }
 
     /// A `CALL` to which a POINTER or ANY to a variable of the own instance is handed: what puts them together stands
-    /// before it. Gives how many operations that is.
-    fn handed(&self, at: usize) -> Option<(String, usize)> {
+    /// before it. Gives them, and how many operations that is.
+    fn pointers(&self, at: usize) -> Option<(Vec<Handed>, usize)> {
         let (code, mut handed, mut next) = (&self.block.code, Vec::new(), at);
         while let Some(one) = Handed::at(code.get(next..)?) {
             if one.byte < self.block.interface.declared_temps() {
@@ -159,11 +212,13 @@ impl Lines<'_, '_> {
         }
         let last = code.get(next).filter(|last| code.get(at).is_some_and(|first| first.network == last.network))?;
         let inside = (at + 1..=next).any(|i| self.labels.contains_key(&(i as u32)));
-        let Op::Call(call) = &last.op else { return None };
-        if handed.is_empty() || inside {
-            return None;
-        }
-        Some((self.printer.call(self.block, call, &handed).ok()?, next + 1 - at))
+        (matches!(last.op, Op::Call(_)) && !handed.is_empty() && !inside).then(|| (handed, next + 1 - at))
+    }
+
+    fn handed(&self, at: usize) -> Option<(String, usize)> {
+        let (handed, used) = self.pointers(at)?;
+        let Op::Call(call) = &self.block.code.get(at + used - 1)?.op else { return None };
+        Some((self.printer.call(self.block, call, &handed).ok()?, used))
     }
 
     fn mnemonic(&self, op: &Op) -> &'static str {
@@ -227,6 +282,7 @@ impl Lines<'_, '_> {
                 self.list_stands(at, targets, *otherwise).then(|| label(otherwise))??
             }
             Op::Nop => "0".to_owned(),
+            Op::Build(n) => n.to_string(),
             other => match timed(other) {
                 Some((counter, number)) => self.timer(counter, number)?,
                 None => String::new(),
@@ -322,8 +378,7 @@ fn has_shape(shape: &Shape, op: &Op) -> bool {
         (Shape::CountUp, Op::CountUp(_)) | (Shape::CountDown, Op::CountDown(_)) => true,
         (Shape::Jump(jump), Op::Jump(j, _)) => jump == j,
         (Shape::Loop, Op::Loop(_)) | (Shape::JumpList, Op::JumpList { .. }) => true,
-        // `NOP` comes after `BLD`.
-        (Shape::Numbered, Op::Nop) => true,
+        (Shape::Nothing, Op::Nop) | (Shape::Build, Op::Build(_)) => true,
         _ => false,
     }
 }

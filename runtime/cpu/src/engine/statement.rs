@@ -88,7 +88,8 @@ pub(crate) fn step(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
             Ok(())
         }
         // Jumps and calls are the run loop's own.
-        Op::Nop | Op::Jump(..) | Op::Loop(_) | Op::JumpList { .. } | Op::Call(_) | Op::End | Op::EndIf => Ok(()),
+        Op::Nop | Op::Build(_) | Op::Jump(..) | Op::Loop(_) => Ok(()),
+        Op::JumpList { .. } | Op::Call(_) | Op::End | Op::EndIf => Ok(()),
         _ => accumulators(op, r, m),
     }
 }

@@ -484,7 +484,7 @@ impl Translation<'_, '_> {
                 return false;
             }
             Op::EndIf => self.end_if(),
-            Op::Nop => {}
+            Op::Nop | Op::Build(_) => {}
             _ => {
                 if !self.bit_statement(op, pc) && !self.word_statement(op, pc) && !self.timer_statement(op) {
                     self.accumulators(op);

@@ -468,7 +468,7 @@ impl Bare<'_, '_> {
                 self.end();
                 return false;
             }
-            Op::Nop => {}
+            Op::Nop | Op::Build(_) => {}
             _ => self.others(3),
         }
         true

@@ -82,7 +82,7 @@ fn control(op: &Ir) -> Option<Op> {
         Ir::Loop(target) => Op::Loop { target },
         Ir::End => Op::End,
         Ir::EndIf => Op::EndIf,
-        Ir::Nop => Op::Nop,
+        Ir::Nop | Ir::Build(_) => Op::Nop,
         _ => return None,
     })
 }

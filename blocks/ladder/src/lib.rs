@@ -1,0 +1,19 @@
+//! Ladder and function plan. STEP 7 keeps no picture of a network: it is made anew from the statements whenever a
+//! block is opened. So does this crate.
+//!
+//! The way of a network: its statements with their texts ([`Network`]) -> a tree ([`read`]) -> a drawing of cells ->
+//! text or SVG. Nothing is drawn that does not give back the very same statements. One pass of program status colours
+//! the tree ([`flow`]).
+
+mod check;
+mod generate;
+mod network;
+mod number;
+mod parse;
+mod reason;
+pub mod tree;
+
+pub use check::{read, read_step7};
+pub use generate::{Made, carried, generate};
+pub use network::{Actual, Network, Statement, View, symbols, title};
+pub use reason::Reason;

@@ -1,0 +1,354 @@
+//! What a network is: rungs of series and parallels, boxes, coils, branches. Every node keeps the range of its
+//! statements. Brackets are not kept: where they stand follows from the tree.
+
+use std::ops::Range;
+
+use ob1_ir::{BitTest, Compare, NumberFormat, Op, Place};
+
+/// A network that can be drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tree {
+    /// One below the other. More than one, or none, only where STEP 7 itself would show statements.
+    pub rungs: Vec<Rung>,
+    /// Nodes are numbered from 0 to this, in the order of their first statements.
+    pub nodes: u32,
+    /// STEP 7 would draw it too: one rung, each `NOP 0` and `BLD` in its place.
+    pub as_step7: bool,
+}
+
+/// What begins at the rail, or an arm, which begins at its branch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rung {
+    /// What the ends hang on; `None`: the rail itself.
+    pub logic: Option<Node>,
+    /// Coils or one branch; none behind a box whose output is open.
+    pub ends: Vec<End>,
+}
+
+/// The logic at a Boolean input of a call, and the bit that carries its result there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// The logic.
+    pub logic: Node,
+    /// The compiler's bit.
+    pub carried: Place,
+}
+
+/// A part of the logic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Its number within the tree.
+    pub id: u32,
+    /// Its statements, as indices into [`crate::Network::statements`].
+    pub statements: Range<u32>,
+    /// What it is.
+    pub kind: Kind,
+}
+
+/// The kinds of parts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// `U b`, `UN b`, `O b`, `X b`.
+    Contact {
+        /// Normally closed.
+        negate: bool,
+        /// What it asks.
+        test: BitTest,
+    },
+    /// The begin of an arm: the bit that keeps what its branch had.
+    Wire {
+        /// `UN t`.
+        negate: bool,
+        /// The bit.
+        carried: Place,
+    },
+    /// `NOT`.
+    Not,
+    /// `FP m`, `FN m`.
+    Edge {
+        /// `FP`.
+        rising: bool,
+        /// The bit with the state before.
+        memory: Place,
+        /// `BLD 100` stands before it: the box POS or NEG.
+        boxed: bool,
+    },
+    /// `= b; U b` within a series: the bit gets what has come so far.
+    Connector(Place),
+    /// One behind the other.
+    Series {
+        /// In order.
+        items: Vec<Node>,
+        /// The first item stands without the brackets that STEP 7 would write.
+        bare: bool,
+    },
+    /// One below the other.
+    Parallel(Vec<Node>),
+    /// Exclusive or.
+    Xor(Vec<Node>),
+    /// `UN( .. )`, `ON( .. )`, `XN( .. )`.
+    Negated(Box<Node>),
+    /// `L v; L v; >I`.
+    Compare {
+        /// The two values.
+        values: [Value; 2],
+        /// I, D or R.
+        format: NumberFormat,
+        /// How they are compared.
+        how: Compare,
+    },
+    /// A box with inputs, outputs, and perhaps the one that goes on.
+    Box(Box<BoxNode>),
+}
+
+/// A box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoxNode {
+    /// What comes from the left to its first input: S, R, CU, EN. `None`: the rail, only at EN.
+    pub input: Option<Node>,
+    /// What it does.
+    pub body: Body,
+    /// Its output goes on: Q or ENO.
+    pub used: bool,
+}
+
+/// What a box does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Body {
+    /// SR and RS.
+    Latch {
+        /// The bit.
+        place: Place,
+        /// `S` first: reset has priority, SR.
+        set_first: bool,
+        /// The other input.
+        second: Option<Node>,
+    },
+    /// S_PULSE, S_PEXT, S_ODT, S_ODTS, S_OFFDT.
+    Timer {
+        /// TV.
+        time: Value,
+        /// `SE T 1`.
+        start: Value,
+        /// R.
+        reset: Option<Node>,
+        /// BI and BCD: what is loaded and where it goes.
+        outputs: [Option<[Value; 2]>; 2],
+    },
+    /// S_CU, S_CD, S_CUD.
+    Counter {
+        /// `ZV Z 1` or `ZR Z 1`: what the first input does.
+        count: Value,
+        /// The other direction.
+        second: Option<Node>,
+        /// S with its value.
+        set: Option<(Node, Value)>,
+        /// R.
+        reset: Option<Node>,
+        /// CV and CV_BCD.
+        outputs: [Option<[Value; 2]>; 2],
+    },
+    /// `L v; op; T w`.
+    Move {
+        /// One or two.
+        loads: Vec<Value>,
+        /// None of a MOVE.
+        ops: Vec<Value>,
+        /// One; more only in hand-written sources.
+        stores: Vec<Value>,
+        /// How BR is made where ENO goes on.
+        eno: Eno,
+        /// The `NOP 0` of an open ENO is missing.
+        unmarked: bool,
+    },
+    /// `CALL`.
+    Call {
+        /// The statement.
+        call: Value,
+        /// The logic at its Boolean inputs, which stands at the very begin of the rung or arm.
+        inputs: Vec<CallInput>,
+        /// The `NOP 0` of an open ENO is missing.
+        unmarked: bool,
+    },
+}
+
+/// An input of a call with logic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CallInput {
+    /// The place among the call's arguments.
+    pub argument: u16,
+    /// What leads there.
+    pub input: Input,
+}
+
+/// How the BR of a box is made for its ENO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Eno {
+    /// ENO is open.
+    Open,
+    /// `SET; SAVE; CLR`: always 1.
+    Set,
+    /// `UN OV; SAVE; CLR`.
+    NoOverflow,
+}
+
+/// A statement that carries a value, or a coil.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Value {
+    /// Its index in [`crate::Network::statements`].
+    pub statement: u32,
+    /// What it is.
+    pub op: Op,
+}
+
+/// What stands at the right.
+#[derive(Clone, Debug, PartialEq)]
+pub enum End {
+    /// A coil.
+    Coil(Coil),
+    /// `= t`, and arms that begin with `U t`.
+    Branch {
+        /// Its number.
+        id: u32,
+        /// Of `= t` and all arms.
+        statements: Range<u32>,
+        /// The compiler's bit.
+        carried: Place,
+        /// One below the other.
+        arms: Vec<Rung>,
+    },
+}
+
+/// A coil.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coil {
+    /// Its number.
+    pub id: u32,
+    /// Its statements.
+    pub statements: Range<u32>,
+    /// The value of a timer or counter coil.
+    pub value: Option<Value>,
+    /// `SAVE` of the RET coil, and the `SET; SAVE` of the unconditional one.
+    pub saves: Saves,
+    /// What it does.
+    pub op: Value,
+}
+
+/// What a RET coil saves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Saves {
+    /// Nothing: a bare `BEB`, or no RET at all.
+    Nothing,
+    /// `SAVE; BEB`.
+    Rlo,
+    /// `SET; SAVE; BEA`.
+    One,
+}
+
+impl Coil {
+    /// It takes the RLO with it: no other coil can hang on the same logic behind it.
+    #[must_use]
+    pub const fn is_last(op: &Op) -> bool {
+        matches!(op, Op::Jump(..) | Op::EndIf | Op::Call(_) | Op::McrOpen)
+    }
+}
+
+impl Node {
+    /// The part that begins leftmost in its row; of an arm that is its wire.
+    #[must_use]
+    pub fn leftmost(&self) -> Option<&Node> {
+        match &self.kind {
+            Kind::Series { items, .. } | Kind::Parallel(items) | Kind::Xor(items) => items.first()?.leftmost(),
+            Kind::Negated(node) => node.leftmost(),
+            Kind::Box(node) => node.input.as_ref()?.leftmost(),
+            _ => Some(self),
+        }
+    }
+
+    /// The same, to be exchanged.
+    pub(crate) fn leftmost_mut(&mut self) -> Option<&mut Node> {
+        let lone = matches!(
+            self.kind,
+            Kind::Contact { .. }
+                | Kind::Wire { .. }
+                | Kind::Not
+                | Kind::Edge { .. }
+                | Kind::Connector(_)
+                | Kind::Compare { .. }
+        );
+        if lone {
+            return Some(self);
+        }
+        match &mut self.kind {
+            Kind::Series { items, .. } | Kind::Parallel(items) | Kind::Xor(items) => items.first_mut()?.leftmost_mut(),
+            Kind::Negated(node) => node.leftmost_mut(),
+            Kind::Box(node) => node.input.as_mut()?.leftmost_mut(),
+            _ => None,
+        }
+    }
+
+    /// The nodes below, in the order of their statements; those at the inputs of a call first.
+    pub(crate) fn children(&self) -> Vec<&Node> {
+        match &self.kind {
+            Kind::Series { items, .. } | Kind::Parallel(items) | Kind::Xor(items) => items.iter().collect(),
+            Kind::Negated(node) => vec![node],
+            Kind::Box(node) => {
+                node.body.inputs().into_iter().chain(node.input.as_ref()).chain(node.body.others()).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    pub(crate) fn children_mut(&mut self) -> Vec<&mut Node> {
+        match &mut self.kind {
+            Kind::Series { items, .. } | Kind::Parallel(items) | Kind::Xor(items) => items.iter_mut().collect(),
+            Kind::Negated(node) => vec![node],
+            Kind::Box(node) => {
+                let BoxNode { input, body, .. } = &mut **node;
+                match body {
+                    Body::Latch { second, .. } => input.iter_mut().chain(second).collect(),
+                    Body::Timer { reset, .. } => input.iter_mut().chain(reset).collect(),
+                    Body::Counter { second, set, reset, .. } => {
+                        input.iter_mut().chain(second).chain(set.as_mut().map(|(node, _)| node)).chain(reset).collect()
+                    }
+                    Body::Move { .. } => input.iter_mut().collect(),
+                    Body::Call { inputs, .. } => {
+                        inputs.iter_mut().map(|i| &mut i.input.logic).chain(input.iter_mut()).collect()
+                    }
+                }
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Body {
+    /// What leads to Boolean inputs of a call.
+    pub(crate) fn inputs(&self) -> Vec<&Node> {
+        match self {
+            Body::Call { inputs, .. } => inputs.iter().map(|i| &i.input.logic).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// What leads to the other inputs of a box, in order.
+    pub(crate) fn others(&self) -> Vec<&Node> {
+        match self {
+            Body::Latch { second, .. } => second.iter().collect(),
+            Body::Timer { reset, .. } => reset.iter().collect(),
+            Body::Counter { second, set, reset, .. } => {
+                second.iter().chain(set.as_ref().map(|(node, _)| node)).chain(reset).collect()
+            }
+            Body::Move { .. } | Body::Call { .. } => Vec::new(),
+        }
+    }
+}
+
+impl Rung {
+    /// True for an arm of the branch that keeps its state in this bit.
+    pub(crate) fn begins_with(&self, carried: Place) -> bool {
+        let first = self.logic.as_ref().and_then(Node::leftmost).map(|node| &node.kind);
+        matches!(first, Some(Kind::Contact { test: BitTest::Bit(place), .. }) if *place == carried)
+            || matches!(first, Some(Kind::Wire { carried: place, .. }) if *place == carried)
+    }
+}
