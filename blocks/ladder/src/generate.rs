@@ -287,7 +287,10 @@ fn call_inputs<'n>(node: &'n Node, out: &mut Vec<&'n Input>) {
         }
         inner.body.others().into_iter().for_each(|node| call_inputs(node, out));
         if let Body::Call { inputs, .. } = &inner.body {
-            out.extend(inputs.iter().map(|input| &input.input));
+            for input in inputs {
+                call_inputs(&input.input.logic, out);
+                out.push(&input.input);
+            }
         }
         return;
     }

@@ -6,14 +6,21 @@
 //! the tree ([`flow`]).
 
 mod check;
+pub mod flow;
 mod generate;
+mod layout;
+mod line;
 mod network;
 mod number;
 mod parse;
 mod reason;
+pub mod svg;
+pub mod text;
 pub mod tree;
 
 pub use check::{read, read_step7};
 pub use generate::{Made, carried, generate};
+pub use layout::{Class, Drawing, Form, NamesShown, Options, Piece, Place, Shape, draw, is_ladder};
+pub use line::line;
 pub use network::{Actual, Network, Statement, View, symbols, title};
 pub use reason::Reason;

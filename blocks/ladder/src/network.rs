@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use ob1_ir::{CodeBlock, Op, Place, Symbol, Target};
+use ob1_ir::{CodeBlock, Notation, NumberFormat, Op, Place, Symbol, Target};
 use ob1_model::{BlockId, Interface, Section};
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Callees, Listing, Printer, Shown};
@@ -101,8 +101,9 @@ impl View<'_> {
                 last = stmt.network;
             }
         }
-        let shown = plain.shown(block, self.listing);
-        let symbols = named.shown(block, self.listing);
+        let listing = Listing { notations: notations(block, self.listing), ..self.listing.clone() };
+        let shown = plain.shown(block, &listing);
+        let symbols = named.shown(block, &listing);
         let count = self.listing.networks.len().max(usize::from(last)).max(1);
         let mut networks: Vec<Network> =
             (1u16..).take(count).map(|number| Network { number, hidden_local, ..Network::default() }).collect();
@@ -162,6 +163,31 @@ impl View<'_> {
             jumps_to_network: matches!(op, Op::Jump(_, to) if starts.contains(to)),
         }
     }
+}
+
+/// How constants are written: as it is known, else as what is done with them tells.
+fn notations(block: &CodeBlock, listing: &Listing) -> BTreeMap<u32, Notation> {
+    let mut all = listing.notations.clone();
+    let op = |at: usize| block.code.get(at).map(|stmt| &stmt.op);
+    for (at, stmt) in block.code.iter().enumerate() {
+        if !matches!(stmt.op, Op::LoadConst(_)) {
+            continue;
+        }
+        let second = op(at + 1).is_some_and(Op::loads).then(|| op(at + 2)).flatten();
+        let notation = match (op(at + 1), second) {
+            (Some(Op::StartTimer(..)), _) => Notation::S5Time,
+            (Some(Op::SetCounter(_)), _) => Notation::Count,
+            (Some(Op::Compare(format, _) | Op::Arithmetic(format, _)), _)
+            | (_, Some(Op::Compare(format, _) | Op::Arithmetic(format, _))) => match format {
+                NumberFormat::Int => Notation::Int,
+                NumberFormat::DInt => Notation::DInt,
+                NumberFormat::Real => Notation::Real,
+            },
+            _ => continue,
+        };
+        all.entry(at as u32).or_insert(notation);
+    }
+    all
 }
 
 /// A name without its quotes.

@@ -1,0 +1,239 @@
+//! Random trees: statements, machine code and back; drawings in which every operand stands and nothing overlaps;
+//! statements that somebody has changed.
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use common::trees::{Maker, bare};
+use ob1_ir::{CodeBlock, Op, Stmt};
+use ob1_ladder::tree::Tree;
+use ob1_ladder::{Form, Made, Network, Options, Shape, draw, generate, line, read, read_step7, svg, text};
+use ob1_mc7::{MachineBlock, Written, decode, encode};
+use ob1_model::{BlockId, BlockKind, Interface};
+
+/// Trees of the short run; `OB1_LADDER_TREES` for a longer one.
+fn trees() -> u64 {
+    std::env::var("OB1_LADDER_TREES").ok().and_then(|count| count.parse().ok()).unwrap_or(3000)
+}
+
+fn block(made: &[Made]) -> CodeBlock {
+    let stmt = |made: &Made| {
+        let op = match (&made.op, made.to) {
+            (Op::Jump(jump, _), Some(to)) => Op::Jump(*jump, to as u32),
+            (op, _) => op.clone(),
+        };
+        Stmt { op, network: 1, line: 1 }
+    };
+    let mut code: Vec<Stmt> = made.iter().map(stmt).collect();
+    // A target behind the last statement is one.
+    code.push(Stmt { op: Op::Nop, network: 2, line: 1 });
+    let interface = Interface { temp_bytes: CodeBlock::local_bytes(&code), ..Interface::default() };
+    CodeBlock { id: BlockId::new(BlockKind::Fc, 1), name: None, interface, code, source: 0 }
+}
+
+fn interfaces() -> BTreeMap<BlockId, Interface> {
+    common::compiled("NETWORK\nNOP 0;").1
+}
+
+fn network(block: &CodeBlock, interfaces: &BTreeMap<BlockId, Interface>) -> Network {
+    common::networks(block, interfaces, &[]).swap_remove(0)
+}
+
+fn made(seed: u64) -> Tree {
+    Maker::new(seed, 4 + (seed % 40) as u32, false).tree(2 + (seed % 4) as u32)
+}
+
+#[test]
+fn trees_come_back_from_machine_code() {
+    let interfaces = interfaces();
+    let callees = |id: BlockId| interfaces.get(&id);
+    for seed in 0..trees() {
+        let tree = made(seed);
+        let block = block(&generate(&tree));
+        let encoded = encode(&block, &Written::default(), &callees).unwrap_or_else(|e| panic!("{seed}: {e}"));
+        let machine = MachineBlock {
+            id: block.id,
+            name: None,
+            interface: &Interface::default(),
+            code: &encoded.code,
+            segments: &encoded.segments,
+            multi_instance: false,
+            local_bytes: 0,
+        };
+        let decoded = decode(&machine, &callees).unwrap_or_else(|e| panic!("{seed}: {e}"));
+        let network = network(&decoded.block, &interfaces);
+        match read_step7(&network) {
+            Ok(again) => assert_eq!(bare(&tree), bare(&again), "seed {seed}"),
+            Err(reason) => {
+                let ops: Vec<String> = network.statements.iter().map(|s| s.op.to_string()).collect();
+                panic!("seed {seed}: {reason}\n{}", ops.join("; "));
+            }
+        }
+    }
+}
+
+/// The names that must stand in a drawing: all operands but the compiler's bits and the labels of its jumps.
+fn operands(network: &Network, tree: &Tree) -> BTreeSet<String> {
+    let hidden: Vec<_> = ob1_ladder::carried(tree);
+    let mut all = BTreeSet::new();
+    for statement in &network.statements {
+        let carried = statement.op.operand().is_some_and(|operand| hidden.contains(&operand.place));
+        let own = matches!(&statement.op, Op::Jump(ob1_ir::Jump::IfNotRloSaveBr, _) | Op::Nop | Op::Build(_) | Op::Call(_));
+        let status = matches!(statement.op, Op::Scan { test: ob1_ir::BitTest::Status(status), .. }
+            if matches!(status, ob1_ir::StatusBit::BinaryResult | ob1_ir::StatusBit::Overflow));
+        if !carried && !own && !status && !statement.operand.is_empty() {
+            all.insert(statement.operand.clone());
+        }
+        for actual in &statement.actuals {
+            let at_pin = hidden.iter().any(|place| match place {
+                ob1_ir::Place::Fixed(_, at) => actual.text == format!("L {at}"),
+                _ => false,
+            });
+            if !at_pin {
+                all.insert(actual.text.clone());
+            }
+        }
+    }
+    all
+}
+
+fn check_drawing(seed: u64, network: &Network, tree: &Tree, form: Form) {
+    let drawing = draw(network, tree, &Options { form, ..Options::default() });
+    let mut cells: BTreeMap<(usize, usize), String> = BTreeMap::new();
+    let mut drawn = BTreeSet::new();
+    let mut take = |row: usize, column: usize, what: String| {
+        assert!(row < drawing.height && column < drawing.width, "seed {seed}: {what} outside at {row}:{column}");
+        if let Some(other) = cells.insert((row, column), what.clone()) {
+            let lines = text::lines(&drawing, false).join("\n");
+            panic!("seed {seed}: {what} over {other} at {row}:{column}\n{lines}");
+        }
+    };
+    // Wires of different ends may share a cell where they meet only: there one has a half of it.
+    let mut halves = BTreeSet::new();
+    let mut wires = BTreeSet::new();
+    for piece in &drawing.pieces {
+        match &piece.shape {
+            Shape::Along { row, from, to } => {
+                for half in *from..*to {
+                    assert!(halves.insert((*row, half)), "seed {seed}: two wires at {row}:{half}\n{}", text::lines(&drawing, false).join("\n"));
+                    wires.insert((*row, half / 2));
+                }
+            }
+            Shape::Down { column, from, to } => wires.extend((*from..=*to).map(|row| (row, *column))),
+            Shape::Sign { row, column, text, .. } | Shape::Name { row, column, text, .. } => {
+                for (at, sign) in text.chars().enumerate() {
+                    take(*row, column + at, sign.to_string());
+                }
+                if matches!(piece.shape, Shape::Name { .. }) {
+                    drawn.insert(text.clone());
+                }
+            }
+            Shape::Frame { row, column, width, height, .. } => {
+                for at in *column..column + width {
+                    take(*row, at, "frame".to_owned());
+                    take(row + height - 1, at, "frame".to_owned());
+                }
+                for at in row + 1..row + height - 1 {
+                    take(at, *column, "frame".to_owned());
+                    take(at, column + width - 1, "frame".to_owned());
+                }
+            }
+        }
+    }
+    for cell in &wires {
+        assert!(!cells.contains_key(cell), "seed {seed}: a wire through {:?}\n{}", cells[cell], text::lines(&drawing, false).join("\n"));
+    }
+    connected(seed, &drawing);
+    let wanted = operands(network, tree);
+    let no_status: BTreeSet<String> = drawn.into_iter().filter(|name| !["BIE", "OV"].contains(&name.as_str())).collect();
+    let instance = |name: &String| name.starts_with("DB ") && !wanted.contains(name);
+    let no_status: BTreeSet<String> = no_status.into_iter().filter(|name| !instance(name)).collect();
+    assert_eq!(wanted, no_status, "seed {seed}\n{}", text::lines(&drawing, false).join("\n"));
+    let picture = svg::svg(network, tree, &drawing, None);
+    assert!(picture.starts_with("<svg") && picture.ends_with("</svg>\n") && !picture.contains("<script"));
+}
+
+/// Every wire's both ends touch another wire, a sign or a frame.
+fn connected(seed: u64, drawing: &ob1_ladder::Drawing) {
+    let rows = text::cells(drawing, false);
+    let sign = |row: usize, column: usize| rows.get(row).and_then(|r| r.get(column)).map_or(' ', |cell| cell.sign);
+    for piece in &drawing.pieces {
+        let Shape::Along { row, from, to } = piece.shape else { continue };
+        for (cell, beside) in [(from / 2, (from % 2 == 0).then(|| (from / 2).checked_sub(1)).flatten()),
+            ((to - 1) / 2, (to % 2 == 0).then_some(to / 2))]
+        {
+            assert_ne!(sign(row, cell), ' ', "seed {seed}");
+            if let Some(beside) = beside {
+                assert_ne!(sign(row, beside), ' ', "seed {seed}: a wire ends at {row}:{beside}\n{}", text::lines(drawing, false).join("\n"));
+            }
+        }
+    }
+}
+
+#[test]
+fn every_operand_is_drawn_and_nothing_overlaps() {
+    let interfaces = interfaces();
+    for seed in 0..trees() {
+        let network = network(&block(&generate(&made(seed))), &interfaces);
+        let tree = read_step7(&network).expect("it is drawn");
+        for form in [Form::Ladder, Form::Plan] {
+            check_drawing(seed, &network, &tree, form);
+        }
+        assert!(!line(&network, &tree, &Options::default()).contains('\n'));
+    }
+}
+
+#[test]
+fn changed_networks_are_exact_or_statements() {
+    let interfaces = interfaces();
+    let mut drawn = 0;
+    for seed in 0..trees() {
+        let mut block = block(&generate(&made(seed)));
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let last = block.code.len() - 1;
+        let at = rng.usize(0..last);
+        match rng.u32(0..3) {
+            0 => block.code[at].op = block.code[rng.usize(0..last)].op.clone(),
+            // What jumps lead to moves with the statements.
+            1 => drop(block.code.remove(at)),
+            _ => block.code.insert(at, block.code[at].clone()),
+        }
+        let network = network(&block, &interfaces);
+        let Ok(tree) = read(&network) else { continue };
+        drawn += 1;
+        let counts = |op: &Op| tree.as_step7 || !matches!(op, Op::Nop | Op::Build(_));
+        let plain = |op: &Op| match op {
+            Op::Jump(ob1_ir::Jump::IfNotRloSaveBr, _) => Op::Jump(ob1_ir::Jump::IfNotRloSaveBr, 0),
+            op => op.clone(),
+        };
+        let theirs: Vec<Op> = network.statements.iter().map(|s| plain(&s.op)).filter(counts).collect();
+        let ours: Vec<Op> = generate(&tree).iter().map(|made| plain(&made.op)).filter(counts).collect();
+        if !network.is_empty() {
+            assert_eq!(theirs, ours, "seed {seed}");
+        }
+        assert_eq!(draw(&network, &tree, &Options::default()).height == 0, network.is_empty());
+    }
+    assert!(drawn > 0, "no changed network was drawn");
+}
+
+/// A network takes less than 100 microseconds to read, check and draw, in a release build.
+#[test]
+fn five_hundred_networks_are_drawn_at_once() {
+    let interfaces = interfaces();
+    let networks: Vec<Network> = (0..500).map(|seed| network(&block(&generate(&made(seed))), &interfaces)).collect();
+    #[expect(clippy::disallowed_methods, reason = "it measures")]
+    let begin = std::time::Instant::now();
+    let texts = || -> Vec<String> {
+        let draw = |network: &Network| {
+            let tree = read(network).expect("it is drawn");
+            text::lines(&draw(network, &tree, &Options::default()), false).join("\n")
+        };
+        networks.iter().map(draw).collect()
+    };
+    let first = texts();
+    let took = begin.elapsed();
+    println!("500 networks: {took:?}");
+    assert_eq!(first, texts(), "other bytes in another run");
+    assert!(cfg!(debug_assertions) || took.as_millis() < 50, "{took:?}");
+}
