@@ -3,10 +3,14 @@
 
 #![allow(clippy::disallowed_methods, reason = "the test reads projects from the disk")]
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ob1_ladder::{Network, View, read, read_step7};
+use common::drawn::check_drawing;
+
+use ob1_ladder::{Form, Network, View, is_ladder, read, read_step7};
 use ob1_mc7::{CompiledInterface, MachineBlock, Segments, decode};
 use ob1_model::{BlockId, BlockKind, Interface, Section};
 use ob1_project::{Block, CodePage, Files, Folder, Language, Tree};
@@ -28,6 +32,8 @@ struct Figures {
     stl: usize,
     stl_as_step7: usize,
     stl_drawn: usize,
+    /// Of blocks made in LAD: drawn, but as a function plan.
+    plans: usize,
 }
 
 /// The files of block folders below a folder of the disk.
@@ -105,6 +111,11 @@ fn networks_of_real_projects_are_drawn() {
                 let heading = block.comments.networks.get(usize::from(network.number) - 1);
                 let lined = heading.is_some_and(|heading| !heading.lines.is_empty());
                 let (strict, drawn) = (read_step7(network), read(network));
+                if let Ok(tree) = &drawn {
+                    let name = format!("{path} {id}, network {}", network.number);
+                    [Form::Ladder, Form::Plan].into_iter().for_each(|form| check_drawing(&name, network, tree, form));
+                    figures.plans += usize::from(block.language == Language::Lad && !is_ladder(tree));
+                }
                 let (all, as_step7, any) = match block.language {
                     Language::Lad | Language::Fbd if lined => {
                         (&mut figures.lined, &mut figures.lined_as_step7, &mut figures.lined_drawn)

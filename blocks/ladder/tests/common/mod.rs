@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test takes what it needs")]
 
+pub(crate) mod drawn;
 pub(crate) mod trees;
 
 use std::collections::BTreeMap;
