@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use ob1_ir::{
-    AccuOp, Arg, BitTest, Call, CallMode, Compare, Convert, DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op,
+    AccuOp, Arg, BitTest, Call, CallMode, Compare, Convert, DbRegister, Jump, MathFn, Number, NumberFormat, Op,
     Operand, Place, Shift, StatusBit, Target, Width, WordLogic,
 };
 use ob1_ladder::tree::{Body, BoxNode, CallInput, Coil, End, Eno, Input, Kind, Node, Rung, Saves, Tree, Value};
@@ -80,8 +80,8 @@ impl Maker {
 
     fn test(&mut self) -> BitTest {
         match self.rng.u32(0..10) {
-            0 => BitTest::Timer(self.number()),
-            1 => BitTest::Counter(self.number()),
+            0 if !self.plain => BitTest::Timer(self.number()),
+            1 if !self.plain => BitTest::Counter(self.number()),
             2 if !self.plain => BitTest::Status(*self.rng.choice(&StatusBit::ALL).unwrap_or(&StatusBit::Overflow)),
             _ => BitTest::Bit(self.bit()),
         }
@@ -153,7 +153,8 @@ impl Maker {
         let has_first = first.is_some();
         let input = Some(first.unwrap_or_else(|| self.logic(depth - 1)));
         let number = self.number();
-        let body = match self.rng.u32(0..if self.plain { 6 } else { 7 }) {
+        let kind = self.rng.u32(0..7);
+        let body = match if self.plain && kind > 0 { 4 } else { kind } {
             0 | 1 => Body::Latch { place: self.written(), set_first: self.rng.bool(), second: self.maybe(depth) },
             2 => Body::Timer {
                 time: value(Op::LoadConst(0x0100 + self.rng.u32(0..0x99))),
@@ -197,6 +198,8 @@ impl Maker {
         let eno = match (used, ops.is_empty()) {
             (false, _) => Eno::Open,
             (true, true) => Eno::Set,
+            // An addition of a constant leaves OV as it is.
+            (true, false) if self.plain && matches!(ops.first(), Some(Op::AddConst { .. })) => Eno::Set,
             (true, false) => Eno::NoOverflow,
         };
         let loads = (0..loads).map(|_| self.load()).collect();
@@ -229,7 +232,11 @@ impl Maker {
 
     fn coil(&mut self, last: bool) -> Coil {
         let number = self.number();
-        let most = if !last || self.plain { 10 } else { 13 };
+        let most = match (self.plain, last) {
+            (true, _) => 6,
+            (false, false) => 10,
+            (false, true) => 13,
+        };
         let (value_of, saves, op) = match self.rng.u32(0..most) {
             0..=3 => (None, Saves::Nothing, Op::Assign(self.written())),
             4 => (None, Saves::Nothing, Op::Set(self.written())),
@@ -313,6 +320,3 @@ pub(crate) fn bare(tree: &Tree) -> String {
     }
     out
 }
-
-/// `U`, for those who count scans.
-pub(crate) const AND: Logic = Logic::And;

@@ -19,6 +19,7 @@ mod forms;
 mod holding;
 mod instructions;
 mod interrupts;
+mod ladder;
 mod modules;
 mod natives;
 mod parameters;
