@@ -314,6 +314,12 @@ impl Walk<'_> {
             let set = match self.op(at) {
                 Some(Op::Set(place)) if *place == bit => State::On,
                 Some(Op::Reset(place)) if *place == bit => State::Off,
+                // Whoever else writes between may have written it.
+                Some(Op::Assign(place) | Op::Set(place) | Op::Reset(place)) if apart(*place, bit) => continue,
+                Some(op) if op.writes() || matches!(op, Op::Call(_)) => {
+                    state = State::Unknown;
+                    continue;
+                }
                 _ => continue,
             };
             if self.bit(at, RLO) == State::On {
@@ -322,4 +328,9 @@ impl Walk<'_> {
         }
         state
     }
+}
+
+/// Two bits that cannot be the same one.
+fn apart(one: ob1_ir::Place, other: ob1_ir::Place) -> bool {
+    matches!((one, other), (ob1_ir::Place::Fixed(..), ob1_ir::Place::Fixed(..))) && one != other
 }
