@@ -19,6 +19,7 @@ use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
 use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
+use crate::show::{self, ShowArgs};
 use crate::soak::{self, SoakArgs};
 use crate::status::{self, StatusArgs};
 use crate::testing::{self, TestArgs};
@@ -35,6 +36,7 @@ Examples:
   ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
   ob1 check press.toml                             everything that is wrong with a station
   ob1 exec press.awl --limit 10s                   bare sources in virtual time
+  ob1 show press.toml FB 20                        a block as ladder, function plan or statements
   ob1 import plant.zip --out plant                 a station of a STEP 7 project, without its sources
   ob1 test                                         the tests of this folder and below
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
@@ -85,6 +87,7 @@ enum Command {
     Download(DownloadArgs),
     Compare(CompareArgs),
     Diff(DiffArgs),
+    Show(ShowArgs),
     Load(LoadArgs),
     Restart(RestartArgs),
     New(NewArgs),
@@ -224,6 +227,7 @@ impl Command {
             Command::Bus(args) => bus::run(&args),
             Command::Check(args) => check::check(&args),
             Command::Xref(args) => xref::xref(&args),
+            Command::Show(args) => show::show(&args),
             Command::Load(args) => load::load(&args),
             Command::Restart(args) => restart::restart(&args),
             Command::New(args) => new::new(&args),

@@ -23,6 +23,7 @@ pub mod load;
 pub mod new;
 pub mod remote;
 pub mod restart;
+pub mod show;
 pub mod soak;
 pub mod statistics;
 pub mod status;

@@ -3,7 +3,7 @@
 mod blocks;
 mod side;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::exit::DiffExit;
 use crate::import::Unit;
 use blocks::{Change, Text, difference};
-use side::Side;
+pub(crate) use side::Side;
 
 /// Show what differs between two programs
 ///
@@ -84,8 +84,11 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
 /// Prints what differs between two programs that call the blocks of this library.
 pub(crate) fn show_between((old, new): (Program, Program), library: &Library, titles: [&str; 2]) {
     let [before, after] = titles.map(str::to_owned);
-    let old = Side { title: before, runs: false, program: old, library: library.clone() };
-    let new = Side { title: after, runs: false, program: new, library: library.clone() };
+    let side = |title, program| {
+        let library = library.clone();
+        Side { title, runs: false, program, library, sources: BTreeMap::new(), made: BTreeMap::new() }
+    };
+    let (old, new) = (side(before, old), side(after, new));
     let _ = compare(&Wanted::default(), &old, &new);
 }
 

@@ -10,7 +10,8 @@ use ob1_station::program::{self, LoadFailure};
 use ob1_station::sources::Sources;
 use ob1_station::{program_files, station_file};
 use ob1_stl::print::Printer;
-use ob1_stl::{Library, Mnemonics};
+use ob1_project::Language;
+use ob1_stl::{Library, Mnemonics, Source};
 
 use super::blocks::{Text, nameless, texts};
 use crate::import::{self, CpuArgs, Unit};
@@ -21,21 +22,26 @@ const CPU: &str = "cpu:";
 const STATION: &str = "station.toml";
 
 /// See [the module](self).
-pub(super) struct Side {
+pub(crate) struct Side {
     pub(super) title: String,
     /// A CPU: its data blocks have their present values.
     pub(super) runs: bool,
-    pub(super) program: Program,
-    pub(super) library: Library,
+    pub(crate) program: Program,
+    pub(crate) library: Library,
+    /// The texts of its blocks, of a project those made of them.
+    pub(crate) sources: BTreeMap<BlockId, String>,
+    /// Of a project: see [`OfProject::made`].
+    pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
 }
 
 impl Side {
     /// # Errors
     /// Why it cannot be read.
-    pub(super) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {
+    pub(crate) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {
         let title = path.display().to_string();
         let host = title.strip_prefix(CPU);
         let runs = host.is_some();
+        let (mut sources_of, mut made) = (BTreeMap::new(), BTreeMap::new());
         let (program, library) = if let Some(host) = host {
             import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
         } else if station_file::is_station_file(path) {
@@ -52,10 +58,17 @@ impl Side {
                 Err(_) if path.is_dir() && !program_files::expand(&[path.to_owned()], &[]).0.is_empty() => {
                     sources(path)?
                 }
-                project => project?,
+                project => {
+                    let found = project?;
+                    (sources_of, made) = (found.sources, found.made);
+                    (found.program, found.library)
+                }
             }
         };
-        Ok(Self { title, runs, program, library })
+        if sources_of.is_empty() {
+            sources_of = texts_of(&program);
+        }
+        Ok(Self { title, runs, program, library, sources: sources_of, made })
     }
 
     /// Its blocks as text; only `wanted`, if there are any. `values`: those of data blocks, too.
@@ -73,6 +86,17 @@ impl Side {
         let texts = texts.filter(|text| wanted.is_empty() || wanted.contains(&text.id));
         texts.map(|text| (text.id, if values { text } else { text.without_values() })).collect()
     }
+}
+
+/// The text of each block's source, as far as the files are there.
+fn texts_of(program: &Program) -> BTreeMap<BlockId, String> {
+    let read = |name: &String| {
+        let bytes = ob1_station::files::read(Path::new(name), ob1_station::files::LONGEST).ok()?;
+        Some(Source::new(name.as_str(), bytes).text().into_owned())
+    };
+    let texts: Vec<Option<String>> = program.sources.iter().map(read).collect();
+    let text = |source: u32| texts.get(source as usize).cloned().flatten();
+    program.blocks.iter().filter_map(|block| Some((block.id, text(block.source)?))).collect()
 }
 
 fn station(path: &Path) -> Result<(Program, Library), String> {

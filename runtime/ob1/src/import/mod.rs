@@ -14,13 +14,14 @@ mod upload;
 mod used;
 mod wire;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Choice, CodePage, FileSource, Folder, Notes, Project, Root, Translation, Tree, Wanted, translate};
+use ob1_project::{Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, Translation, Tree, Wanted, translate};
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use serde_json::json;
@@ -116,18 +117,39 @@ fn projects(path: &Path, source: &dyn FileSource, tree: &Tree<'_>) -> Result<(Ve
     Ok((projects, titles))
 }
 
-/// The program of a project, and what it calls.
+/// The program of a project.
+pub(crate) struct OfProject {
+    pub(crate) program: Program,
+    /// What it calls.
+    pub(crate) library: Library,
+    /// The sources made of its blocks.
+    pub(crate) sources: BTreeMap<BlockId, String>,
+    /// The language of each block that was made in LAD or FBD, and for each of its networks whether it was edited as
+    /// statements: its comments then have records of lines.
+    pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
+}
+
+/// The program of a project.
 ///
 /// # Errors
 /// Why there is none, or which of several must be named.
-pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<(Program, Library), String> {
+pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfProject, String> {
     let source = disk::open(path)?;
     let tree = Tree::new(&*source);
     let (projects, titles) = projects(path, &*source, &tree)?;
     let taken = take(name, &tree, projects, &titles)?;
     let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
     let (_, library, translation) = translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1)?;
-    Ok((translation.program, library))
+    let drawn = taken.folder.blocks.iter().filter(|(_, block)| matches!(block.language, Language::Lad | Language::Fbd));
+    let lined = |block: &ob1_project::Block| block.comments.networks.iter().map(|n| !n.lines.is_empty()).collect();
+    let made = drawn.map(|(id, block)| (*id, (block.language, lined(block)))).collect();
+    let sources = taken.folder.blocks.iter().filter(|(_, block)| !block.know_how).filter_map(|(id, _)| {
+        let file = format!("{}_{}.awl", id.kind.name(), id.number);
+        let source = translation.sources.iter().find(|source| source.name == file)?;
+        Some((*id, String::from_utf8_lossy(&source.bytes).into_owned()))
+    });
+    let sources = sources.collect();
+    Ok(OfProject { program: translation.program, library, sources, made })
 }
 
 /// A folder as a program: what is replaced, what the program may call, and itself.

@@ -1,0 +1,386 @@
+//! `ob1 show`: blocks as ladder, function plan, statements, or one line a network.
+
+pub(crate) mod paint;
+mod texts;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use ob1_ir::{CodeBlock, Symbol};
+use ob1_ladder::svg::{heading, svg};
+use ob1_ladder::tree::Tree;
+use ob1_ladder::{Form, NamesShown, Network, Options, View, draw, line, read, text};
+use ob1_model::{BlockId, Interface};
+use ob1_project::Language as Made;
+use ob1_station::block_name::parse_block;
+use ob1_stl::Mnemonics;
+use ob1_stl::print::{Listing, Printer};
+use serde_json::json;
+
+use crate::diff::Side;
+use crate::exit::Exit;
+use crate::import::Unit;
+use crate::language::Language;
+
+/// Show blocks as ladder, function plan or statements
+///
+/// A program is a station file or its folder, a STEP 7 project (folder, .s7p, .s7l, .zip), a folder of .mc7, or
+/// sources. A network is drawn only if its drawing gives back the very same statements; else it is shown as statements,
+/// with the reason. A block of a project is shown as it was made.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 show press FB 20\n  ob1 show press FB 20 --network 3 --fbd\n  ob1 show plant.zip FC5 --ascii --mnemonics en\n  \
+    ob1 show press FB 20 --network 3 --svg network.svg\n  ob1 show plant.zip --count --json\n\n\
+    Exit codes: 0 shown, or the program, the block or the network is not there (2).\n\nMore: docs/ladder.md."
+)]
+pub struct ShowArgs {
+    /// The program
+    pub program: PathBuf,
+    /// The block: FB 20, FC5, or its name; without one all of them
+    #[arg(num_args = 0..=2, value_name = "BLOCK")]
+    pub block: Vec<String>,
+    /// Only this network
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub network: Option<u16>,
+    /// Ladder
+    #[arg(long, group = "view")]
+    pub lad: bool,
+    /// Function plan
+    #[arg(long, group = "view")]
+    pub fbd: bool,
+    /// Statements
+    #[arg(long, group = "view")]
+    pub stl: bool,
+    /// One line a network, for searching and differences
+    #[arg(long, group = "view")]
+    pub line: bool,
+    /// Only | - + ( ) instead of box characters
+    #[arg(long)]
+    pub ascii: bool,
+    /// One network as SVG into this file; - is standard output
+    #[arg(long, value_name = "FILE", requires = "network", conflicts_with_all = ["stl", "line"])]
+    pub svg: Option<PathBuf>,
+    /// What stands at an element
+    #[arg(long, value_enum, default_value_t = Names::Both)]
+    pub names: Names,
+    /// Columns, beyond which a ladder goes on below
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(40..))]
+    pub width: Option<u16>,
+    /// Mnemonics: those of the program, unless told
+    #[arg(long, value_enum, default_value_t = Language::Auto)]
+    pub mnemonics: Language,
+    /// The program within a STEP 7 project, as `ob1 import --list` names it
+    #[arg(long = "program", value_name = "NAME", id = "within")]
+    pub within: Option<String>,
+    /// Count the networks that are drawn, and say why others are not
+    #[arg(long, conflicts_with_all = ["view", "svg", "network"])]
+    pub count: bool,
+    /// The count as JSON: networks, graphical, drawn, left [{block, network, reason}]
+    #[arg(long, requires = "count")]
+    pub json: bool,
+    #[command(flatten)]
+    pub(crate) unit: Unit,
+}
+
+/// What stands at an element.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Names {
+    /// E 0.0
+    Address,
+    /// Start, where there is a symbol
+    Symbol,
+    /// One above the other
+    Both,
+}
+
+/// Shows; prints what there is to print.
+#[must_use]
+pub fn show(args: &ShowArgs) -> Exit {
+    match run(args) {
+        Ok(()) => Exit::Ok,
+        Err(why) => {
+            err!("ob1: {why}");
+            Exit::Usage
+        }
+    }
+}
+
+/// A program with what its networks are shown by.
+pub(crate) struct Shown {
+    pub(crate) side: Side,
+    symbols: BTreeMap<String, String>,
+    mnemonics: Mnemonics,
+}
+
+/// A block, ready to be shown.
+pub(crate) struct Ready<'s> {
+    pub(crate) block: &'s CodeBlock,
+    pub(crate) networks: Vec<Network>,
+    listing: Listing,
+}
+
+impl Shown {
+    pub(crate) fn new(side: Side, wanted: Language) -> Self {
+        let mnemonics = match wanted {
+            Language::De => Mnemonics::German,
+            Language::En => Mnemonics::International,
+            Language::Auto => own_mnemonics(&side),
+        };
+        let symbols = symbols(&side.program.symbols, mnemonics);
+        Self { side, symbols, mnemonics }
+    }
+
+    fn interface(&self, id: BlockId) -> Option<&Interface> {
+        let own = self.side.program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
+        own.or_else(|| self.side.library.get(id).map(|block| &block.interface))
+    }
+
+    pub(crate) fn ready<'s>(&'s self, block: &'s CodeBlock) -> Ready<'s> {
+        let text = self.side.sources.get(&block.id);
+        let listing = text.map(|text| texts::listing(block, text)).unwrap_or_default();
+        let callees = |id| self.interface(id);
+        let view =
+            View { mnemonics: self.mnemonics, callees: &callees, symbols: &self.symbols, listing: &listing };
+        Ready { block, networks: view.networks(block), listing }
+    }
+
+    pub(crate) fn options(&self, form: Form) -> Options {
+        Options { form, mnemonics: self.mnemonics, ..Options::default() }
+    }
+
+    /// The view in which the block was made.
+    pub(crate) fn form(&self, id: BlockId) -> Form {
+        match self.side.made.get(&id) {
+            Some((Made::Fbd, _)) => Form::Plan,
+            _ => Form::Ladder,
+        }
+    }
+
+    /// The statements of a network, as they are printed.
+    fn statements(&self, ready: &Ready<'_>, network: u16) -> Vec<String> {
+        let callees = |id| self.interface(id);
+        let printer = Printer::new(self.mnemonics, &callees).with_symbols(&self.symbols);
+        let of = |at: usize| ready.block.code.get(at).is_some_and(|stmt| stmt.network == network);
+        match printer.lines(ready.block, &ready.listing) {
+            Ok(lines) => lines.into_iter().filter(|(at, _)| of(*at)).map(|(_, text)| format!("      {text}")).collect(),
+            // No source says it: the operations do.
+            Err(_) => {
+                let all = ready.block.code.iter().filter(|stmt| stmt.network == network);
+                all.map(|stmt| format!("      {}", stmt.op)).collect()
+            }
+        }
+    }
+
+    /// The code block of this name.
+    pub(crate) fn block(&self, wanted: &str) -> Result<&CodeBlock, String> {
+        let blocks = &self.side.program.blocks;
+        let id = parse_block(wanted);
+        let is_it = |block: &&CodeBlock| {
+            Some(block.id) == id || block.name.as_ref().is_some_and(|name| name.eq_ignore_ascii_case(wanted))
+        };
+        blocks.iter().find(is_it).ok_or_else(|| {
+            let there: BTreeSet<BlockId> = blocks.iter().map(|block| block.id).collect();
+            let list: Vec<String> = there.iter().take(20).map(BlockId::to_string).collect();
+            format!("\"{wanted}\" is no block of statements of this program\n  = there are {}", list.join(", "))
+        })
+    }
+}
+
+/// The mnemonics of the sources: by the words that only one set has.
+fn own_mnemonics(side: &Side) -> Mnemonics {
+    let (mut german, mut international) = (0, 0);
+    for line in side.sources.values().flat_map(|text| text.lines()) {
+        let statement = line.split_once(':').map_or(line, |(_, statement)| statement).trim_start();
+        match statement.split([' ', ';', '\t']).next() {
+            Some("U" | "UN" | "U(" | "SPA" | "SPB" | "AUF" | "ZV") => german += 1,
+            Some("A" | "AN" | "A(" | "JU" | "JC" | "OPN" | "CU") => international += 1,
+            _ => {}
+        }
+    }
+    if international > german { Mnemonics::International } else { Mnemonics::German }
+}
+
+/// The symbols by their addresses in a set of mnemonics: a table has them in its own.
+fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
+    let german = mnemonics != Mnemonics::International;
+    let pairs = [("I", "E"), ("Q", "A"), ("C", "Z")];
+    let address = |text: &str| {
+        let text = text.trim();
+        let digits = text.find(|c: char| c.is_ascii_digit())?;
+        let (letters, number) = text.split_at(digits);
+        let letters = letters.trim().to_ascii_uppercase();
+        let (prefix, rest) = letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
+        let mut rest = rest.to_owned();
+        for (international, own) in pairs {
+            let (from, to) = if german { (international, own) } else { (own, international) };
+            // Areas: E, EB, EW, ED; not a block or a type.
+            if let Some(width) = rest.strip_prefix(from).filter(|width| ["", "B", "W", "D"].contains(width)) {
+                rest = format!("{to}{width}");
+                break;
+            }
+        }
+        Some(format!("{prefix}{rest} {number}"))
+    };
+    all.iter().filter_map(|symbol| Some((address(&symbol.address)?, symbol.name.clone()))).collect()
+}
+
+fn run(args: &ShowArgs) -> Result<(), String> {
+    let shown = Shown::new(open(args)?, args.mnemonics);
+    if args.count {
+        return count(&shown, args);
+    }
+    let wanted = args.block.join(" ");
+    let mut blocks: Vec<&CodeBlock> = if wanted.is_empty() {
+        shown.side.program.blocks.iter().collect()
+    } else {
+        vec![shown.block(&wanted)?]
+    };
+    blocks.sort_by_key(|block| block.id);
+    for block in blocks {
+        let ready = shown.ready(block);
+        if let Some(number) = args.network
+            && usize::from(number) > ready.networks.len()
+        {
+            return Err(format!("{} has {} networks", block.id, ready.networks.len()));
+        }
+        match &args.svg {
+            Some(file) => picture(&shown, &ready, args, file)?,
+            None => page(&shown, &ready, args).iter().for_each(|line| say!("{line}")),
+        }
+    }
+    Ok(())
+}
+
+fn open(args: &ShowArgs) -> Result<Side, String> {
+    let mut path = args.program.clone();
+    // `press` is press.toml, as other commands have it.
+    let file = path.with_extension("toml");
+    if !path.exists() && file.is_file() {
+        path = file;
+    }
+    Side::read(&path, args.within.as_deref(), &args.unit)
+}
+
+fn options(shown: &Shown, id: BlockId, args: &ShowArgs) -> Options {
+    let form = match (args.lad, args.fbd) {
+        (true, _) => Form::Ladder,
+        (_, true) => Form::Plan,
+        _ => shown.form(id),
+    };
+    let names = match args.names {
+        Names::Address => NamesShown::Address,
+        Names::Symbol => NamesShown::Symbol,
+        Names::Both => NamesShown::Both,
+    };
+    Options { names, wrap: args.width.map(usize::from), ..shown.options(form) }
+}
+
+fn picture(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs, file: &std::path::Path) -> Result<(), String> {
+    let number = usize::from(args.network.unwrap_or(1));
+    let network = ready.networks.get(number - 1).ok_or("there is no such network")?;
+    let tree = read(network).map_err(|why| format!("network {number} is shown as statements: {why}"))?;
+    let drawing = draw(network, &tree, &options(shown, ready.block.id, args));
+    let text = svg(network, &tree, &drawing, None);
+    if file.as_os_str() == "-" {
+        says!("{text}");
+        return Ok(());
+    }
+    std::fs::write(file, text).map_err(|why| format!("{}: {why}", file.display()))
+}
+
+/// The lines of a block.
+fn page(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs) -> Vec<String> {
+    let options = options(shown, ready.block.id, args);
+    let mut out = vec![ob1_ladder::title(ready.block.id, ready.block.name.as_deref())];
+    for network in ready.networks.iter().filter(|network| args.network.is_none_or(|n| n == network.number)) {
+        out.push(String::new());
+        let tree = if args.stl { None } else { Some(read(network)) };
+        match tree {
+            Some(Ok(tree)) if args.line => out.push(format!("{:>3}  {}", network.number, line(network, &tree, &options))),
+            Some(Ok(tree)) => {
+                out.extend(head(network));
+                out.extend(drawn(network, &tree, &options, args.ascii));
+            }
+            Some(Err(why)) => {
+                out.extend(head(network));
+                out.push(format!("(as statements: {why})"));
+                out.extend(shown.statements(ready, network.number));
+            }
+            None => {
+                out.extend(head(network));
+                out.extend(shown.statements(ready, network.number));
+            }
+        }
+    }
+    out
+}
+
+fn head(network: &Network) -> Vec<String> {
+    let comment = network.comment.lines().map(|line| format!("  {}", line.trim()));
+    std::iter::once(heading(network)).chain(comment).collect()
+}
+
+/// A drawing and the list of its names.
+fn drawn(network: &Network, tree: &Tree, options: &Options, ascii: bool) -> Vec<String> {
+    let drawing = draw(network, tree, options);
+    let mut out = Vec::new();
+    let named = !network.label.is_empty();
+    if named {
+        out.push(format!("{}:", network.label));
+    }
+    if options.form == Form::Ladder && drawing.is_plan {
+        out.push("(a function plan: a ladder would say something else)".to_owned());
+    }
+    if !tree.as_step7 {
+        out.push("(STEP 7 itself would show statements)".to_owned());
+    }
+    out.extend(text::lines(&drawing, ascii));
+    out.extend(names(network));
+    out
+}
+
+/// Address and symbol of all that has one.
+fn names(network: &Network) -> Vec<String> {
+    let mut all: BTreeSet<(&str, &str)> = BTreeSet::new();
+    for statement in &network.statements {
+        all.insert((&statement.operand, &statement.symbol));
+        all.extend(statement.actuals.iter().map(|actual| (actual.text.as_str(), actual.symbol.as_str())));
+    }
+    let list = all.into_iter().filter(|(_, symbol)| !symbol.is_empty());
+    list.map(|(address, symbol)| format!("  {address:<12} {symbol}")).collect()
+}
+
+/// What is drawn of a whole program.
+fn count(shown: &Shown, args: &ShowArgs) -> Result<(), String> {
+    let wanted = args.block.join(" ");
+    let only = if wanted.is_empty() { None } else { Some(shown.block(&wanted)?.id) };
+    let (mut networks, mut graphical, mut drawn, mut left) = (0, 0, 0, Vec::new());
+    for block in shown.side.program.blocks.iter().filter(|block| only.is_none_or(|id| block.id == id)) {
+        let made = shown.side.made.get(&block.id);
+        for network in shown.ready(block).networks.iter().filter(|network| !network.is_empty()) {
+            networks += 1;
+            // A project says which networks were drawn; of other programs each may have been.
+            let lined = |lined: &Vec<bool>| lined.get(usize::from(network.number) - 1).copied().unwrap_or(false);
+            if !shown.side.made.is_empty() && made.is_none_or(|(_, lines)| lined(lines)) {
+                continue;
+            }
+            graphical += 1;
+            match read(network) {
+                Ok(_) => drawn += 1,
+                Err(why) => left.push((block.id, network.number, why)),
+            }
+        }
+    }
+    if args.json {
+        let left: Vec<_> = left
+            .iter()
+            .map(|(id, network, why)| json!({ "block": id.to_string(), "network": network, "reason": why.to_string() }))
+            .collect();
+        say!("{}", json!({ "networks": networks, "graphical": graphical, "drawn": drawn, "left": left }));
+    } else {
+        say!("{networks} networks, {graphical} of them graphical, {drawn} drawn");
+        left.iter().for_each(|(id, network, why)| say!("{id}, network {network}: {why}"));
+    }
+    Ok(())
+}

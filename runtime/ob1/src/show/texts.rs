@@ -1,0 +1,114 @@
+//! What the text of a source says besides its statements: titles and comments of networks, labels, how constants are
+//! written.
+
+use ob1_ir::{CodeBlock, Notation, Op};
+use ob1_stl::print::Listing;
+
+/// The listing of a block by its source.
+pub(crate) fn listing(block: &CodeBlock, text: &str) -> Listing {
+    let lines: Vec<&str> = text.lines().collect();
+    let line = |number: u32| lines.get((number as usize).wrapping_sub(1)).copied().unwrap_or_default();
+    let mut listing = Listing::default();
+    for (at, stmt) in (0u32..).zip(&block.code) {
+        if matches!(stmt.op, Op::LoadConst(_))
+            && let Some(notation) = notation(code(line(stmt.line)))
+        {
+            listing.notations.insert(at, notation);
+        }
+    }
+    let targets = block.code.iter().filter_map(|stmt| match &stmt.op {
+        Op::Jump(_, to) | Op::Loop(to) => Some(*to),
+        _ => None,
+    });
+    for to in targets {
+        let Some(stmt) = block.code.get(to as usize) else { continue };
+        let label = code(line(stmt.line)).split_once(':').map(|(label, _)| label.trim());
+        if let Some(label) = label.filter(|label| !label.is_empty() && !label.contains([' ', '=', '#', '"'])) {
+            listing.labels.insert(to, label.to_owned());
+        }
+    }
+    listing.networks = networks(block, &lines);
+    listing
+}
+
+/// A line without its comment.
+fn code(line: &str) -> &str {
+    line.split_once("//").map_or(line, |(code, _)| code)
+}
+
+/// Title and comment of each network: what stands between `NETWORK` and its first statement.
+fn networks(block: &CodeBlock, lines: &[&str]) -> Vec<(String, String)> {
+    let last = block.code.last().map_or(0, |stmt| stmt.network);
+    let of = |number: u16| {
+        let first = block.code.iter().find(|stmt| stmt.network == number)?.line as usize;
+        let before = lines.get(..first.saturating_sub(1))?;
+        let head = before.iter().rposition(|line| line.trim_start().to_ascii_uppercase().starts_with("NETWORK"))?;
+        let (mut title, mut comment) = (String::new(), Vec::new());
+        for line in before.get(head + 1..)? {
+            let line = line.trim();
+            match (line.strip_prefix("//"), line.split_once('=')) {
+                (Some(text), _) => comment.push(text.trim_end()),
+                (None, Some((word, text))) if word.trim().eq_ignore_ascii_case("TITLE") => {
+                    title = text.trim().trim_matches('\'').to_owned();
+                }
+                _ => {}
+            }
+        }
+        Some((title, comment.join("\n")))
+    };
+    (1..=last).map(|number| of(number).unwrap_or_default()).collect()
+}
+
+/// How the constant of this line is written.
+fn notation(line: &str) -> Option<Notation> {
+    let statement = line.rsplit_once(": ").map_or(line, |(_, statement)| statement);
+    let constant = statement.trim().split_once(char::is_whitespace)?.1.trim().trim_end_matches(';').trim();
+    if constant.starts_with('\'') {
+        return Some(Notation::Text);
+    }
+    let upper = constant.to_ascii_uppercase();
+    let prefixes = [
+        ("S5T", Notation::S5Time),
+        ("T#", Notation::Time),
+        ("TIME#", Notation::Time),
+        ("C#", Notation::Count),
+        ("L#", Notation::DInt),
+        ("DW#16#", Notation::DWord),
+        ("DWORD#16#", Notation::DWord),
+        ("W#16#", Notation::Word),
+        ("WORD#16#", Notation::Word),
+        ("B#16#", Notation::Byte),
+        ("BYTE#16#", Notation::Byte),
+        ("B#(", Notation::Bytes),
+        ("2#", Notation::Binary),
+        ("D#", Notation::Date),
+        ("DATE#", Notation::Date),
+        ("TOD#", Notation::TimeOfDay),
+        ("P#", Notation::Pointer),
+    ];
+    let found = prefixes.into_iter().find(|(prefix, _)| upper.starts_with(prefix)).map(|(_, notation)| notation);
+    found.or_else(|| match (constant.parse::<i32>(), constant.parse::<f32>()) {
+        (Ok(_), _) => Some(Notation::Int),
+        (_, Ok(_)) => Some(Notation::Real),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_stl::{Library, Options, Source, compile};
+
+    #[test]
+    fn a_source_says_more_than_its_statements() {
+        let text = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nTITLE = Pump on\n// when there is water\nU E 0.0;\nL S5T#5S;\nSE T 1;\n\
+                    U E 0.1;\nSPB next;\nNETWORK\nTITLE = the rest\nnext: NOP 0;\nL 1.5;\nT MD 4; // L 7\nEND_FUNCTION\n";
+        let output = compile(&[Source::new("a", text)], &Library::new(), &Options::default());
+        assert!(output.is_good(), "{:?}", output.diagnostics);
+        let listing = listing(&output.program.blocks[0], text);
+        let titles: Vec<(&str, &str)> = listing.networks.iter().map(|(t, c)| (t.as_str(), c.as_str())).collect();
+        assert_eq!(titles, [("Pump on", " when there is water"), ("the rest", "")]);
+        assert_eq!(listing.labels.values().collect::<Vec<_>>(), ["next"]);
+        assert_eq!(listing.notations.values().collect::<Vec<_>>(), [&Notation::S5Time, &Notation::Real]);
+    }
+}
