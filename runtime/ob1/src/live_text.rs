@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::style::{Color, Style};
+use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::Paragraph;
 
 /// Shows `text`, and what `next` gives after each `every`, until `q` or until that gives nothing. The terminal is as it
@@ -37,7 +39,7 @@ fn paint<E: From<io::Error>>(
         loop {
             let height = terminal.size()?.height;
             top = top.min(lines.saturating_sub(height));
-            terminal.draw(|frame| frame.render_widget(Paragraph::new(text.as_str()).scroll((top, 0)), frame.area()))?;
+            terminal.draw(|frame| frame.render_widget(Paragraph::new(styled(&text)).scroll((top, 0)), frame.area()))?;
             if !event::poll(every.saturating_sub(made.elapsed()))? {
                 break;
             }
@@ -57,5 +59,39 @@ fn paint<E: From<io::Error>>(
             Some(made) => text = made,
             None => return Ok(()),
         }
+    }
+}
+
+/// The text with the colours that its escape sequences name: those of `show`.
+fn styled(text: &str) -> Text<'_> {
+    let line = |line: &'_ str| {
+        let mut spans = Vec::new();
+        for (at, part) in line.split("\u{1b}[").enumerate() {
+            let (code, rest) = if at == 0 { ("", part) } else { part.split_once('m').unwrap_or(("", part)) };
+            let style = match code {
+                "32" => Style::new().fg(Color::Green),
+                "34" => Style::new().fg(Color::Blue),
+                "31" => Style::new().fg(Color::Red),
+                _ => Style::new(),
+            };
+            spans.push(Span::styled(rest.to_owned(), style));
+        }
+        Line::from(spans)
+    };
+    Text::from(text.lines().map(line).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_styles() {
+        let text = styled("a\u{1b}[32mb\u{1b}[34mc\u{1b}[0md\ne");
+        let colours: Vec<_> = text.lines[0].spans.iter().map(|s| (s.content.to_string(), s.style.fg)).collect();
+        let (green, blue) = (Some(Color::Green), Some(Color::Blue));
+        let expected = [("a", None), ("b", green), ("c", blue), ("d", None)].map(|(t, c)| (t.to_owned(), c));
+        assert_eq!(colours, expected);
+        assert_eq!(text.lines[1].to_string(), "e");
     }
 }

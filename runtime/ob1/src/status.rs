@@ -14,6 +14,7 @@ use ob1_time::Span;
 
 use crate::exit::Exit;
 use crate::live_text;
+use crate::show::flowing::Picture;
 
 /// Time between two passes of the live view; the station makes no more than ten a second.
 const EVERY: Duration = Duration::from_millis(250);
@@ -28,13 +29,13 @@ const TEXT: [usize; 2] = [24, 60];
 /// On a terminal the view is live until q; elsewhere, and with --once, it is one pass.
 #[derive(Clone, Debug, Args)]
 #[command(
-    after_help = "Examples:\n  ob1 status press.toml FB 20\n  ob1 status press FC 5 --from FB 20 --network 3\n  \
+    after_help = "Examples:\n  ob1 status press.toml FB 20\n  ob1 status press.toml FB 20 --network 3 --lad\n  ob1 status press FC 5 --from FB 20 --network 3\n  \
     ob1 status press FB 20 --db 21 --once --json\n\nExit codes: 0 shown, 5 the station does not run, 8 no such block, or no such \
     pass in time.\n\nMore: docs/online.md."
 )]
 pub struct StatusArgs {
     /// A running station: its name or its file
-    station: String,
+    pub(crate) station: String,
     /// The block: OB 1, FC 5, FB 20, or its name
     #[arg(required = true, num_args = 1..=2, value_name = "BLOCK")]
     block: Vec<String>,
@@ -43,13 +44,19 @@ pub struct StatusArgs {
     from: Vec<String>,
     /// Only this network
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    network: Option<u16>,
+    pub(crate) network: Option<u16>,
     /// Only a pass with this data block: the instance of an FB, the one opened at the beginning of an FC or OB
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     db: Option<u16>,
     /// How long a pass is waited for, at most 60 s
     #[arg(long, value_name = "TIME", default_value = "2s", value_parser = station_file::parse_duration)]
     wait: Span,
+    /// Drawn as ladder with its power flow: green has it, blue has not, black did not run
+    #[arg(long, conflicts_with = "json", group = "drawn")]
+    pub(crate) lad: bool,
+    /// The same as function plan
+    #[arg(long, conflicts_with = "json", group = "drawn")]
+    fbd: bool,
     /// One pass
     #[arg(long)]
     once: bool,
@@ -66,6 +73,7 @@ impl StatusArgs {
             network: self.network,
             db: self.db,
             wait_ms: self.wait.millis(),
+            statements: self.lad || self.fbd,
         }
     }
 }
@@ -101,15 +109,21 @@ fn not_called(args: &StatusArgs, pass: &PassStatus) -> Option<String> {
 
 fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
     let mut client = Client::to_station(&args.station)?;
+    let picture = args.wanted().statements.then(|| Picture::of(args)).transpose().map_err(AccessError::Refused)?;
+    let text = |pass: &PassStatus, coloured: bool| match &picture {
+        Some(picture) => picture.text(pass, coloured),
+        None => text(pass),
+    };
+    let shown = |pass: &PassStatus| not_called(args, pass).unwrap_or_else(|| text(pass, ob1_log::is_coloured(true)));
     let live = !args.once && !args.json && io::stdout().is_terminal() && io::stdin().is_terminal();
     // What is wrong with the question is told before there is a screen.
     let mut pass = ask(&mut client, args.wanted())?;
     if live {
         let next = || match ask(&mut client, args.wanted()) {
             Err(AccessError::Io(_)) => Ok(None),
-            pass => pass.map(|pass| Some(shown(args, &pass))),
+            pass => pass.map(|pass| Some(shown(&pass))),
         };
-        live_text::show(EVERY, shown(args, &pass), next)?;
+        live_text::show(EVERY, shown(&pass), next)?;
         return Ok(Exit::Ok);
     }
     loop {
@@ -118,7 +132,7 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
         }
         match not_called(args, &pass) {
             Some(why) if args.once || !args.json => return Err(AccessError::Refused(why)),
-            None if !args.json => says!("{}", text(&pass)),
+            None if !args.json => says!("{}", text(&pass, ob1_log::is_coloured(io::stdout().is_terminal()))),
             _ => {}
         }
         out::flush();
@@ -133,13 +147,8 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
     }
 }
 
-/// A pass as the live view shows it.
-fn shown(args: &StatusArgs, pass: &PassStatus) -> String {
-    not_called(args, pass).unwrap_or_else(|| text(pass))
-}
-
-/// A pass as a table.
-pub(crate) fn text(pass: &PassStatus) -> String {
+/// Which pass it is, and what is missing.
+pub(crate) fn heading(pass: &PassStatus) -> String {
     let mut out = pass.block.clone();
     if !pass.name.is_empty() && pass.name != pass.block {
         let _ = write!(out, " \"{}\"", pass.name);
@@ -155,6 +164,12 @@ pub(crate) fn text(pass: &PassStatus) -> String {
     if !pass.cut.is_empty() {
         let _ = writeln!(out, "{}", pass.cut);
     }
+    out
+}
+
+/// A pass as a table.
+pub(crate) fn text(pass: &PassStatus) -> String {
+    let mut out = heading(pass);
     if pass.file.is_empty() {
         out.push_str("without its source (none, or changed since it was loaded): as it is printed\n");
     }

@@ -14,7 +14,7 @@ use ob1_project::Language;
 use ob1_stl::{Library, Mnemonics, Source};
 
 use super::blocks::{Text, nameless, texts};
-use crate::import::{self, CpuArgs, Unit};
+use crate::import::{self, CpuArgs, OfProject, Unit};
 
 /// What stands before the name of a CPU on the network.
 const CPU: &str = "cpu:";
@@ -35,6 +35,11 @@ pub(crate) struct Side {
 }
 
 impl Side {
+    pub(crate) fn of_project(title: String, of: OfProject) -> Self {
+        let OfProject { program, library, sources, made } = of;
+        Self { title, runs: false, program, library, sources, made }
+    }
+
     /// # Errors
     /// Why it cannot be read.
     pub(crate) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {

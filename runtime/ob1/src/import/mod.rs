@@ -26,6 +26,7 @@ use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use serde_json::json;
 
+use crate::diff::Side;
 use crate::exit::ImportExit;
 use profibus::GsdFiles;
 
@@ -62,6 +63,9 @@ pub struct ImportArgs {
     /// The GSD files of its DP slaves: a folder; with them slaves become [[bus]] and [[module]]
     #[arg(long, value_name = "DIR", requires = "out")]
     pub gsd: Option<PathBuf>,
+    /// Draw the networks, too: drawings/FC_5.txt beside the blocks
+    #[arg(long, requires = "out")]
+    pub drawings: bool,
     /// Print the programs and their blocks, write nothing
     #[arg(long, conflicts_with_all = ["out", "listing"])]
     pub list: bool,
@@ -140,6 +144,10 @@ pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfPr
     let taken = take(name, &tree, projects, &titles)?;
     let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
     let (_, library, translation) = translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1)?;
+    Ok(of_project(&taken, translation.program.clone(), &translation, library))
+}
+
+fn of_project(taken: &Taken, program: Program, translation: &Translation, library: Library) -> OfProject {
     let drawn = taken.folder.blocks.iter().filter(|(_, block)| matches!(block.language, Language::Lad | Language::Fbd));
     let lined = |block: &ob1_project::Block| block.comments.networks.iter().map(|n| !n.lines.is_empty()).collect();
     let made = drawn.map(|(id, block)| (*id, (block.language, lined(block)))).collect();
@@ -148,8 +156,7 @@ pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfPr
         let source = translation.sources.iter().find(|source| source.name == file)?;
         Some((*id, String::from_utf8_lossy(&source.bytes).into_owned()))
     });
-    let sources = sources.collect();
-    Ok(OfProject { program: translation.program, library, sources, made })
+    OfProject { program, library, sources: sources.collect(), made }
 }
 
 /// A folder as a program: what is replaced, what the program may call, and itself.
@@ -189,7 +196,11 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
     };
     let made = station::make(&taken.title, (&taken.folder, &translation), &modules, &replaced, &gsds);
     notes.extend(replaced.notes.clone());
-    let written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
+    let mut written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
+    if args.drawings {
+        let program = of_project(&taken, translation.program.clone(), &translation, library.clone());
+        written.files.extend(output::draw(out, Side::of_project(taken.title.clone(), program))?);
+    }
     if args.json {
         say!("{}", outcome(&titles, Some(&taken.title), &translation, Some(&written)));
     } else {

@@ -12,6 +12,9 @@ pub(super) const SYMBOLS: &str = "symbols.sdf";
 /// The folder of sources and machine code.
 pub(super) const BLOCKS: &str = "blocks";
 
+/// The folder of drawings.
+pub(super) const DRAWINGS: &str = "drawings";
+
 /// The folder of GSD files in an imported station.
 pub(super) const GSD: &str = "gsd";
 

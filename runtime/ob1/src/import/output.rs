@@ -8,10 +8,12 @@ use ob1_project::{Notes, SymbolRow, Translation};
 use ob1_station::finding::Finding;
 use ob1_stl::Source;
 
-use super::names::{BLOCKS, GSD, REPORT, STATION, SYMBOLS};
+use super::names::{BLOCKS, DRAWINGS, GSD, REPORT, STATION, SYMBOLS};
 use super::report;
 use super::station::Made;
 use crate::check;
+use crate::diff::Side;
+use crate::show;
 
 /// The symbol table as STEP 7 exports it, and the symbols a program gets from it.
 pub(super) fn symbol_table(rows: &[SymbolRow]) -> (String, Vec<Symbol>) {
@@ -60,6 +62,20 @@ pub(super) fn write(
 fn refused(path: &Path) -> impl FnOnce(std::io::Error) -> String + use<> {
     let path = path.display().to_string();
     move |error| format!("{path}: {error}")
+}
+
+/// Writes the drawings of all blocks; they are made anew by each import, and no source.
+pub(super) fn draw(out: &Path, side: Side) -> Result<Vec<String>, String> {
+    let folder = out.join(DRAWINGS);
+    std::fs::create_dir_all(&folder).map_err(refused(&folder))?;
+    let mut files = Vec::new();
+    for (id, text) in show::pages(side) {
+        let name = format!("{DRAWINGS}/{}_{}.txt", id.kind.name(), id.number);
+        let path = out.join(&name);
+        std::fs::write(&path, text).map_err(refused(&path))?;
+        files.push(name);
+    }
+    Ok(files)
 }
 
 fn put_all(

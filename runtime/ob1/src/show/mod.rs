@@ -1,10 +1,11 @@
 //! `ob1 show`: blocks as ladder, function plan, statements, or one line a network.
 
-pub(crate) mod paint;
+pub(crate) mod flowing;
+mod paint;
 mod texts;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ob1_ir::{CodeBlock, Symbol};
@@ -226,7 +227,7 @@ fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
 }
 
 fn run(args: &ShowArgs) -> Result<(), String> {
-    let shown = Shown::new(open(args)?, args.mnemonics);
+    let shown = Shown::new(open(&args.program, args.within.as_deref(), &args.unit)?, args.mnemonics);
     if args.count {
         return count(&shown, args);
     }
@@ -246,20 +247,22 @@ fn run(args: &ShowArgs) -> Result<(), String> {
         }
         match &args.svg {
             Some(file) => picture(&shown, &ready, args, file)?,
-            None => page(&shown, &ready, args).iter().for_each(|line| say!("{line}")),
+            None => {
+                let options = options(&shown, block.id, args);
+                let style =
+                    Style { options, network: args.network, stl: args.stl, line: args.line, ascii: args.ascii };
+                page(&shown, &ready, style).iter().for_each(|line| say!("{line}"));
+            }
         }
     }
     Ok(())
 }
 
-fn open(args: &ShowArgs) -> Result<Side, String> {
-    let mut path = args.program.clone();
-    // `press` is press.toml, as other commands have it.
+/// The program of a path. `press` may be `press.toml`, as other commands have it.
+pub(crate) fn open(path: &Path, within: Option<&str>, unit: &Unit) -> Result<Side, String> {
     let file = path.with_extension("toml");
-    if !path.exists() && file.is_file() {
-        path = file;
-    }
-    Side::read(&path, args.within.as_deref(), &args.unit)
+    let path = if !path.exists() && file.is_file() { &file } else { path };
+    Side::read(path, within, unit)
 }
 
 fn options(shown: &Shown, id: BlockId, args: &ShowArgs) -> Options {
@@ -276,7 +279,7 @@ fn options(shown: &Shown, id: BlockId, args: &ShowArgs) -> Options {
     Options { names, wrap: args.width.map(usize::from), ..shown.options(form) }
 }
 
-fn picture(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs, file: &std::path::Path) -> Result<(), String> {
+fn picture(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs, file: &Path) -> Result<(), String> {
     let number = usize::from(args.network.unwrap_or(1));
     let network = ready.networks.get(number - 1).ok_or("there is no such network")?;
     let tree = read(network).map_err(|why| format!("network {number} is shown as statements: {why}"))?;
@@ -289,34 +292,52 @@ fn picture(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs, file: &std::path::
     std::fs::write(file, text).map_err(|why| format!("{}: {why}", file.display()))
 }
 
+/// How a block is written.
+#[derive(Clone, Copy, Debug)]
+struct Style {
+    options: Options,
+    network: Option<u16>,
+    stl: bool,
+    line: bool,
+    ascii: bool,
+}
+
+/// The drawings of all blocks of a program.
+pub(crate) fn pages(side: Side) -> Vec<(BlockId, String)> {
+    let shown = Shown::new(side, Language::Auto);
+    let page = |block: &CodeBlock| {
+        let options = shown.options(shown.form(block.id));
+        let style = Style { options, network: None, stl: false, line: false, ascii: false };
+        (block.id, format!("{}\n", page(&shown, &shown.ready(block), style).join("\n")))
+    };
+    shown.side.program.blocks.iter().map(page).collect()
+}
+
 /// The lines of a block.
-fn page(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs) -> Vec<String> {
-    let options = options(shown, ready.block.id, args);
+fn page(shown: &Shown, ready: &Ready<'_>, style: Style) -> Vec<String> {
+    let options = style.options;
     let mut out = vec![ob1_ladder::title(ready.block.id, ready.block.name.as_deref())];
-    for network in ready.networks.iter().filter(|network| args.network.is_none_or(|n| n == network.number)) {
+    for network in ready.networks.iter().filter(|network| style.network.is_none_or(|n| n == network.number)) {
+        let tree = if style.stl { None } else { Some(read(network)) };
+        if let (Some(Ok(tree)), true) = (&tree, style.line) {
+            out.push(format!("{:>3}  {}", network.number, line(network, tree, &options)));
+            continue;
+        }
         out.push(String::new());
-        let tree = if args.stl { None } else { Some(read(network)) };
+        out.extend(head(network));
         match tree {
-            Some(Ok(tree)) if args.line => out.push(format!("{:>3}  {}", network.number, line(network, &tree, &options))),
-            Some(Ok(tree)) => {
-                out.extend(head(network));
-                out.extend(drawn(network, &tree, &options, args.ascii));
-            }
+            Some(Ok(tree)) => out.extend(drawn(network, &tree, &options, style.ascii)),
             Some(Err(why)) => {
-                out.extend(head(network));
                 out.push(format!("(as statements: {why})"));
                 out.extend(shown.statements(ready, network.number));
             }
-            None => {
-                out.extend(head(network));
-                out.extend(shown.statements(ready, network.number));
-            }
+            None => out.extend(shown.statements(ready, network.number)),
         }
     }
     out
 }
 
-fn head(network: &Network) -> Vec<String> {
+pub(crate) fn head(network: &Network) -> Vec<String> {
     let comment = network.comment.lines().map(|line| format!("  {}", line.trim()));
     std::iter::once(heading(network)).chain(comment).collect()
 }

@@ -31,6 +31,9 @@ pub struct PassWanted {
     /// How long it is waited for, in milliseconds.
     #[serde(default = "two_seconds")]
     pub wait_ms: u64,
+    /// Each statement is wanted too, for drawings.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub statements: bool,
 }
 
 fn two_seconds() -> u64 {
@@ -59,6 +62,9 @@ pub struct PassStatus {
     pub file: String,
     /// The lines.
     pub lines: Vec<LineStatus>,
+    /// The statements of the block in order, those outside the network that was asked for too; empty: not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub statements: Vec<Option<Registers>>,
 }
 
 /// A line of a source.
@@ -159,6 +165,15 @@ pub(super) fn order(known: &KnownProgram, wanted: &PassWanted) -> Result<PassOrd
     })
 }
 
+/// The registers behind each statement of a block; none where it did not run, or was not watched.
+pub(super) fn statements(order: &PassOrder, pass: &Pass) -> Vec<Option<Registers>> {
+    let (first, count) = (order.first as usize, order.count as usize);
+    let watched = pass.lines.iter().take(count).map(|line| (line.times > 0).then(|| Registers::from(line)));
+    let all = std::iter::repeat_n(None, first).chain(watched);
+    // The one behind the last is the end.
+    all.take(pass.statements.saturating_sub(1) as usize).collect()
+}
+
 /// What is told of a pass. `started`: when the runtime started, in nanoseconds since 1970.
 pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, started: u64) -> Result<PassStatus, String> {
     let id = order.block;
@@ -208,6 +223,7 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
         time_ns: pass.time,
         file: if text.is_some() { known.places.file(id).unwrap_or_default().to_owned() } else { String::new() },
         lines,
+        statements: Vec::new(),
     })
 }
 

@@ -74,7 +74,7 @@ enum Then {
     Status,
     Links,
     Diagnostics(u32),
-    Pass(Arc<KnownProgram>, PassOrder),
+    Pass(Arc<KnownProgram>, PassOrder, bool),
     Debug(Arc<KnownProgram>, DebugOrder),
     Load,
     Force,
@@ -176,7 +176,7 @@ impl Serving {
             Op::Pass(wanted) => {
                 let order = pass::order(&known, &wanted)?;
                 let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
-                return Ok(Begun::UnderWay(pending, Then::Pass(known, order)));
+                return Ok(Begun::UnderWay(pending, Then::Pass(known, order, wanted.statements)));
             }
             Op::Debug(wanted) => {
                 let order = debug::order(&known, &wanted)?;
@@ -232,9 +232,13 @@ impl Serving {
                 response.forced = Some(self.view.forces.now().iter().map(ToString::to_string).collect());
             }
             (Then::Load, Outcome::Loaded(told)) => response.load = Some(Box::new(told)),
-            (Then::Pass(known, order), Outcome::Answer(Answer::Pass(pass))) => {
+            (Then::Pass(known, order, each), Outcome::Answer(Answer::Pass(pass))) => {
                 let started = self.view.unix_at(Instant::START);
-                response.pass = Some(Box::new(pass::status(&known, &order, &pass, started)?));
+                let mut told = pass::status(&known, &order, &pass, started)?;
+                if each {
+                    told.statements = pass::statements(&order, &pass);
+                }
+                response.pass = Some(Box::new(told));
             }
             (Then::Debug(known, order), Outcome::Answer(Answer::Debug(answer))) => {
                 response.debug = Some(Box::new(debug::status(&known, &order, answer)?));
