@@ -158,8 +158,16 @@ impl Walk<'_> {
         let ran = self.bit(statement, RLO);
         let keeps = matches!(
             coil.op.op,
-            Op::Assign(_) | Op::Set(_) | Op::Reset(_) | Op::SaveRlo | Op::ResetTimer(_) | Op::ResetCounter(_)
-                | Op::StartTimer(..) | Op::SetCounter(_) | Op::CountUp(_) | Op::CountDown(_)
+            Op::Assign(_)
+                | Op::Set(_)
+                | Op::Reset(_)
+                | Op::SaveRlo
+                | Op::ResetTimer(_)
+                | Op::ResetCounter(_)
+                | Op::StartTimer(..)
+                | Op::SetCounter(_)
+                | Op::CountUp(_)
+                | Op::CountDown(_)
         );
         let state = match keeps {
             true => self.agrees(statement, power),

@@ -15,7 +15,8 @@ pub fn line(network: &Network, tree: &Tree, options: &Options) -> String {
     tree.rungs.iter().map(|rung| writer.rung(rung)).collect::<Vec<_>>().join("; ")
 }
 
-struct Writer<'n> {
+/// The texts of parts of a network.
+pub(crate) struct Writer<'n> {
     names: Names<'n>,
     german: bool,
 }
@@ -28,7 +29,13 @@ fn close(text: &str) -> String {
     if address { text.replace(' ', "") } else { text.to_owned() }
 }
 
-impl Writer<'_> {
+impl<'n> Writer<'n> {
+    pub(crate) fn new(network: &'n Network) -> Self {
+        let names_shown = crate::layout::NamesShown::Address;
+        let options = Options { longest_name: usize::MAX, names: names_shown, ..Options::default() };
+        Self { names: names(network, options), german: true }
+    }
+
     fn value(&self, statement: u32) -> String {
         let symbol = self.names.network.statements.get(statement as usize).is_some_and(|s| !s.symbol.is_empty());
         let text = self.names.value(statement);
@@ -36,7 +43,7 @@ impl Writer<'_> {
         if named { format!("\"{text}\"") } else { close(&text) }
     }
 
-    fn rung(&self, rung: &Rung) -> String {
+    pub(crate) fn rung(&self, rung: &Rung) -> String {
         let logic = rung.logic.as_ref().map(|logic| self.logic(logic));
         let ends: Vec<String> = rung.ends.iter().map(|end| self.end(end)).collect();
         match (logic, ends.is_empty()) {
@@ -46,7 +53,7 @@ impl Writer<'_> {
         }
     }
 
-    fn end(&self, end: &End) -> String {
+    pub(crate) fn end(&self, end: &End) -> String {
         match end {
             End::Coil(coil) => self.coil(coil),
             End::Branch { arms, .. } => {
@@ -77,7 +84,7 @@ impl Writer<'_> {
         nodes.iter().map(|node| self.inner(node)).collect::<Vec<_>>().join(by)
     }
 
-    fn logic(&self, node: &Node) -> String {
+    pub(crate) fn logic(&self, node: &Node) -> String {
         let first = node.statements.start;
         match &node.kind {
             Kind::Contact { negate, .. } => format!("{}{}", if *negate { "!" } else { "" }, self.value(first)),

@@ -153,7 +153,9 @@ fn shape(out: &mut String, path: &mut String, shape: &Shape) {
             let _ = write!(path, "M{x} {}V{} ", from * DOWN + DOWN / 2, to * DOWN + DOWN / 2);
         }
         Shape::Sign { row, column, text, class: Class::Contact } => contact(out, *row, *column, text),
-        Shape::Sign { row, column, text, .. } | Shape::Name { row, column, text, .. } => words(out, *row, *column, text),
+        Shape::Sign { row, column, text, .. } | Shape::Name { row, column, text, .. } => {
+            words(out, *row, *column, text)
+        }
         Shape::Frame { row, column, width, height, title } => {
             let (x, y) = (column * ACROSS + ACROSS / 2, row * DOWN + DOWN / 2);
             let (w, h) = ((width - 1) * ACROSS, (height - 1) * DOWN);

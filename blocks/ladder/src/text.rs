@@ -111,9 +111,9 @@ impl Grid {
                 for at in row + 1..bottom {
                     for (edge, outside) in [(*column, WEST), (right, EAST)] {
                         let beside = if outside == WEST { edge.checked_sub(1) } else { Some(edge + 1) };
-                        let wired = beside.and_then(|beside| self.cell(at, beside)).is_some_and(|cell| {
-                            cell.wires & (EAST | WEST) != 0 || cell.sign == 'o'
-                        });
+                        let wired = beside
+                            .and_then(|beside| self.cell(at, beside))
+                            .is_some_and(|cell| cell.wires & (EAST | WEST) != 0 || cell.sign == 'o');
                         let directions = NORTH | SOUTH | if wired { outside } else { 0 };
                         self.sign(at, edge, line(directions, self.ascii), place);
                     }

@@ -352,3 +352,62 @@ impl Rung {
             || matches!(first, Some(Kind::Wire { carried: place, .. }) if *place == carried)
     }
 }
+
+impl Node {
+    /// Counts its statements from another begin.
+    pub(crate) fn shift(&mut self, by: u32) {
+        self.statements = self.statements.start + by..self.statements.end + by;
+        match &mut self.kind {
+            Kind::Compare { values, .. } => values.iter_mut().for_each(|value| value.statement += by),
+            Kind::Box(inner) => inner.body.values_mut().into_iter().for_each(|value| value.statement += by),
+            _ => {}
+        }
+        self.children_mut().into_iter().for_each(|child| child.shift(by));
+    }
+}
+
+impl Body {
+    /// Its statements with values, in a fixed order.
+    pub(crate) fn values_mut(&mut self) -> Vec<&mut Value> {
+        match self {
+            Body::Latch { .. } => Vec::new(),
+            Body::Timer { time, start, outputs, .. } => {
+                [time, start].into_iter().chain(outputs.iter_mut().flatten().flatten()).collect()
+            }
+            Body::Counter { count, set, outputs, .. } => std::iter::once(count)
+                .chain(set.as_mut().map(|(_, value)| value))
+                .chain(outputs.iter_mut().flatten().flatten())
+                .collect(),
+            Body::Move { loads, ops, stores, .. } => loads.iter_mut().chain(ops).chain(stores).collect(),
+            Body::Call { call, .. } => vec![call],
+        }
+    }
+}
+
+impl Rung {
+    /// See [`Node::shift`].
+    pub(crate) fn shift(&mut self, by: u32) {
+        if let Some(logic) = &mut self.logic {
+            logic.shift(by);
+        }
+        self.ends.iter_mut().for_each(|end| end.shift(by));
+    }
+}
+
+impl End {
+    pub(crate) fn shift(&mut self, by: u32) {
+        match self {
+            End::Coil(coil) => {
+                coil.statements = coil.statements.start + by..coil.statements.end + by;
+                coil.op.statement += by;
+                if let Some(value) = &mut coil.value {
+                    value.statement += by;
+                }
+            }
+            End::Branch { statements, arms, .. } => {
+                *statements = statements.start + by..statements.end + by;
+                arms.iter_mut().for_each(|arm| arm.shift(by));
+            }
+        }
+    }
+}

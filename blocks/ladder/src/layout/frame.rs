@@ -65,7 +65,8 @@ impl Frame {
     pub(crate) fn draw(self, names: &Names<'_>) -> Sketch {
         let above = self.above.iter().skip_while(|name| name.is_empty()).cloned().collect::<Vec<_>>();
         let left = self.inputs.iter().map(|pin| pin.left(self.rails)).max().unwrap_or(0);
-        let inner = [&self.inputs, &self.outputs].map(|pins| pins.iter().map(|pin| columns(&pin.name)).max().unwrap_or(0));
+        let inner =
+            [&self.inputs, &self.outputs].map(|pins| pins.iter().map(|pin| columns(&pin.name)).max().unwrap_or(0));
         let title = columns(&self.title) + 2;
         let widest = above.iter().map(|name| columns(name)).max().unwrap_or(0);
         let inside = (inner[0] + inner[1] + 1).max(title).max(widest.saturating_sub(2));

@@ -65,9 +65,7 @@ fn end(names: &Names<'_>, end: &End, before: Place, target: usize) -> Sketch {
         }
         End::Branch { arms, .. } => match arms.as_slice() {
             [arm] => rung(names, arm, target, false),
-            arms => {
-                stacked(arms.iter().map(|arm| rung(names, arm, target.saturating_sub(1), false)).collect(), before)
-            }
+            arms => stacked(arms.iter().map(|arm| rung(names, arm, target.saturating_sub(1), false)).collect(), before),
         },
     }
 }

@@ -58,13 +58,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            form: Form::Ladder,
-            names: NamesShown::Both,
-            longest_name: 26,
-            wrap: None,
-            mnemonics: Mnemonics::German,
-        }
+        Self { form: Form::Ladder, names: NamesShown::Both, longest_name: 26, wrap: None, mnemonics: Mnemonics::German }
     }
 }
 

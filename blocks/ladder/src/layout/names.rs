@@ -1,6 +1,5 @@
 //! Names of elements: symbol and address, cut where they are too long.
 
-
 use super::Options;
 use super::sketch::{Class, Place, Shape, Sketch, columns};
 use crate::network::{Actual, Network, Statement};

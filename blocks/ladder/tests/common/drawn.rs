@@ -59,7 +59,11 @@ pub(crate) fn check_drawing(seed: &str, network: &Network, tree: &Tree, form: Fo
         match &piece.shape {
             Shape::Along { row, from, to } => {
                 for half in *from..*to {
-                    assert!(halves.insert((*row, half)), "{seed}: two wires at {row}:{half}\n{}", text::lines(&drawing, false).join("\n"));
+                    assert!(
+                        halves.insert((*row, half)),
+                        "{seed}: two wires at {row}:{half}\n{}",
+                        text::lines(&drawing, false).join("\n")
+                    );
                     wires.insert((*row, half / 2));
                 }
             }
@@ -85,7 +89,12 @@ pub(crate) fn check_drawing(seed: &str, network: &Network, tree: &Tree, form: Fo
         }
     }
     for cell in &wires {
-        assert!(!cells.contains_key(cell), "{seed}: a wire through {:?}\n{}", cells[cell], text::lines(&drawing, false).join("\n"));
+        assert!(
+            !cells.contains_key(cell),
+            "{seed}: a wire through {:?}\n{}",
+            cells[cell],
+            text::lines(&drawing, false).join("\n")
+        );
     }
     connected(seed, &drawing);
     let wanted = operands(network, tree);
@@ -102,12 +111,18 @@ fn connected(seed: &str, drawing: &Drawing) {
     let sign = |row: usize, column: usize| rows.get(row).and_then(|r| r.get(column)).map_or(' ', |cell| cell.sign);
     for piece in &drawing.pieces {
         let Shape::Along { row, from, to } = piece.shape else { continue };
-        for (cell, beside) in [(from / 2, (from % 2 == 0).then(|| (from / 2).checked_sub(1)).flatten()),
-            ((to - 1) / 2, (to % 2 == 0).then_some(to / 2))]
-        {
+        for (cell, beside) in [
+            (from / 2, (from % 2 == 0).then(|| (from / 2).checked_sub(1)).flatten()),
+            ((to - 1) / 2, (to % 2 == 0).then_some(to / 2)),
+        ] {
             assert_ne!(sign(row, cell), ' ', "{seed}");
             if let Some(beside) = beside {
-                assert_ne!(sign(row, beside), ' ', "{seed}: a wire ends at {row}:{beside}\n{}", text::lines(drawing, false).join("\n"));
+                assert_ne!(
+                    sign(row, beside),
+                    ' ',
+                    "{seed}: a wire ends at {row}:{beside}\n{}",
+                    text::lines(drawing, false).join("\n")
+                );
             }
         }
     }

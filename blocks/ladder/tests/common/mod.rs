@@ -35,7 +35,11 @@ pub(crate) fn compiled(statements: &str) -> (CodeBlock, BTreeMap<BlockId, Interf
 }
 
 /// The networks of a block.
-pub(crate) fn networks(block: &CodeBlock, interfaces: &BTreeMap<BlockId, Interface>, named: &[(&str, &str)]) -> Vec<Network> {
+pub(crate) fn networks(
+    block: &CodeBlock,
+    interfaces: &BTreeMap<BlockId, Interface>,
+    named: &[(&str, &str)],
+) -> Vec<Network> {
     let callees = |id: BlockId| interfaces.get(&id);
     let symbols = named.iter().map(|(address, name)| ((*address).to_owned(), (*name).to_owned())).collect();
     let listing = Listing::default();

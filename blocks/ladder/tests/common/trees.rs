@@ -188,7 +188,9 @@ impl Maker {
             0 | 1 => (1, vec![]),
             2 => (2, vec![Op::Arithmetic(NumberFormat::Int, AccuOp::Add)]),
             3 => (1, vec![Op::AddConst { format: NumberFormat::Int, value: self.rng.i32(-9..9) }]),
-            4 => (2, vec![Op::Arithmetic(format, if format == NumberFormat::DInt { AccuOp::Mod } else { AccuOp::Mul })]),
+            4 => {
+                (2, vec![Op::Arithmetic(format, if format == NumberFormat::DInt { AccuOp::Mod } else { AccuOp::Mul })])
+            }
             5 => (2, vec![Op::WordLogic(*self.rng.choice(&WordLogic::ALL).expect("some"), None)]),
             6 => (2, vec![Op::Shift(*self.rng.choice(&Shift::ALL).expect("some"), None)]),
             7 => (1, vec![Op::Shift(Shift::LeftWord, Some(self.rng.u8(0..15)))]),
@@ -203,7 +205,13 @@ impl Maker {
             (true, false) => Eno::NoOverflow,
         };
         let loads = (0..loads).map(|_| self.load()).collect();
-        Body::Move { loads, ops: ops.into_iter().map(value).collect(), stores: vec![self.store()], eno, unmarked: false }
+        Body::Move {
+            loads,
+            ops: ops.into_iter().map(value).collect(),
+            stores: vec![self.store()],
+            eno,
+            unmarked: false,
+        }
     }
 
     /// A call of FC 7: a, b BOOL and c INT in, q BOOL and w INT out.
@@ -247,7 +255,9 @@ impl Maker {
                 (Some(value(time)), Saves::Nothing, start)
             }
             7 => (None, Saves::Nothing, Op::CountUp(number)),
-            8 => (None, Saves::Nothing, if self.rng.bool() { Op::ResetTimer(number) } else { Op::ResetCounter(number) }),
+            8 => {
+                (None, Saves::Nothing, if self.rng.bool() { Op::ResetTimer(number) } else { Op::ResetCounter(number) })
+            }
             9 => (Some(value(Op::LoadConst(7))), Saves::Nothing, Op::SetCounter(number)),
             10 => (None, Saves::Rlo, Op::EndIf),
             11 => (None, Saves::Nothing, Op::Jump(*self.rng.choice(&[Jump::IfRlo, Jump::IfNotRlo]).expect("some"), 0)),

@@ -1,6 +1,7 @@
 //! `ob1 diff`: what differs between two programs, wherever they are.
 
 mod blocks;
+mod pictures;
 mod side;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,6 +16,7 @@ use serde_json::{Value, json};
 use crate::exit::DiffExit;
 use crate::import::Unit;
 use blocks::{Change, Text, difference};
+use pictures::Pictures;
 pub(crate) use side::Side;
 
 /// Show what differs between two programs
@@ -25,7 +27,7 @@ pub(crate) use side::Side;
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diff plant.zip press/station.toml\n  ob1 diff press/station.toml cpu:192.168.0.10\n  \
-    ob1 diff old.mc7 new.mc7 --json\n\n\
+    ob1 diff old.mc7 new.mc7 --json\n  ob1 diff plant.zip press --lad\n\n\
     With git: `*.mc7 diff=mc7` in .gitattributes, then\n  git config diff.mc7.textconv \"ob1 diff --text\"\n\n\
     Exit codes: 0 the same program, 1 another one, 2 one of them cannot be read."
 )]
@@ -42,6 +44,9 @@ pub struct DiffArgs {
     /// The names of the blocks only, not their lines
     #[arg(long)]
     pub brief: bool,
+    /// Networks that differ as one picture of both: - and red is gone, + and green is new
+    #[arg(long, conflicts_with_all = ["text", "json", "brief"])]
+    pub lad: bool,
     /// As JSON: same, gone, added, changed [{block, parts: [{at, lines: [{side, text}]}]}]
     #[arg(long, conflicts_with = "text")]
     pub json: bool,
@@ -74,7 +79,7 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
             Ok(DiffExit::Same)
         }
         ([old, new], false) => {
-            Ok(compare(&Wanted { blocks: &args.blocks, brief: args.brief, json: args.json }, old, new))
+            Ok(compare(&Wanted { blocks: &args.blocks, brief: args.brief, json: args.json, lad: args.lad }, old, new))
         }
         (_, true) => Err("--text takes one program".to_owned()),
         (_, false) => Err("two programs are compared; --text prints one".to_owned()),
@@ -98,6 +103,7 @@ struct Wanted<'a> {
     blocks: &'a [BlockId],
     brief: bool,
     json: bool,
+    lad: bool,
 }
 
 fn compare(args: &Wanted<'_>, old: &Side, new: &Side) -> DiffExit {
@@ -124,10 +130,14 @@ fn compare(args: &Wanted<'_>, old: &Side, new: &Side) -> DiffExit {
         say!("+++ {}", new.title);
         gone.iter().for_each(|text| say!("- {}", text.title()));
         added.iter().for_each(|text| say!("+ {}", text.title()));
+        let pictures = (args.lad && !changed.is_empty()).then(|| Pictures::new(old, new));
         for (_, b, changes) in &changed {
             say!("~ {}", b.title());
-            if !args.brief {
-                changes.iter().for_each(show);
+            for change in changes.iter().filter(|_| !args.brief) {
+                match pictures.as_ref().and_then(|pictures| pictures.of(b.id, &change.at)) {
+                    Some(picture) => says!("{picture}"),
+                    None => show(change),
+                }
             }
         }
         say!("{other} {} different, {same} the same", if other == 1 { "block is" } else { "blocks are" });

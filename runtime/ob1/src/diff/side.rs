@@ -5,12 +5,12 @@ use std::path::Path;
 
 use ob1_ir::Program;
 use ob1_model::{BlockId, Interface};
+use ob1_project::Language;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::program::{self, LoadFailure};
 use ob1_station::sources::Sources;
 use ob1_station::{program_files, station_file};
 use ob1_stl::print::Printer;
-use ob1_project::Language;
 use ob1_stl::{Library, Mnemonics, Source};
 
 use super::blocks::{Text, nameless, texts};
@@ -22,6 +22,7 @@ const CPU: &str = "cpu:";
 const STATION: &str = "station.toml";
 
 /// See [the module](self).
+#[derive(Clone)]
 pub(crate) struct Side {
     pub(super) title: String,
     /// A CPU: its data blocks have their present values.

@@ -21,7 +21,9 @@ use clap::Args;
 use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, Translation, Tree, Wanted, translate};
+use ob1_project::{
+    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, Translation, Tree, Wanted, translate,
+};
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use serde_json::json;

@@ -1,7 +1,7 @@
 //! `ob1 show`: blocks as ladder, function plan, statements, or one line a network.
 
 pub(crate) mod flowing;
-mod paint;
+pub(crate) mod paint;
 mod texts;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -141,8 +141,7 @@ impl Shown {
         let text = self.side.sources.get(&block.id);
         let listing = text.map(|text| texts::listing(block, text)).unwrap_or_default();
         let callees = |id| self.interface(id);
-        let view =
-            View { mnemonics: self.mnemonics, callees: &callees, symbols: &self.symbols, listing: &listing };
+        let view = View { mnemonics: self.mnemonics, callees: &callees, symbols: &self.symbols, listing: &listing };
         Ready { block, networks: view.networks(block), listing }
     }
 
@@ -171,6 +170,10 @@ impl Shown {
                 all.map(|stmt| format!("      {}", stmt.op)).collect()
             }
         }
+    }
+
+    pub(crate) fn of(&self, id: BlockId) -> Option<&CodeBlock> {
+        self.side.program.blocks.iter().find(|block| block.id == id)
     }
 
     /// The code block of this name.
@@ -211,7 +214,8 @@ fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
         let digits = text.find(|c: char| c.is_ascii_digit())?;
         let (letters, number) = text.split_at(digits);
         let letters = letters.trim().to_ascii_uppercase();
-        let (prefix, rest) = letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
+        let (prefix, rest) =
+            letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
         let mut rest = rest.to_owned();
         for (international, own) in pairs {
             let (from, to) = if german { (international, own) } else { (own, international) };
@@ -232,11 +236,8 @@ fn run(args: &ShowArgs) -> Result<(), String> {
         return count(&shown, args);
     }
     let wanted = args.block.join(" ");
-    let mut blocks: Vec<&CodeBlock> = if wanted.is_empty() {
-        shown.side.program.blocks.iter().collect()
-    } else {
-        vec![shown.block(&wanted)?]
-    };
+    let mut blocks: Vec<&CodeBlock> =
+        if wanted.is_empty() { shown.side.program.blocks.iter().collect() } else { vec![shown.block(&wanted)?] };
     blocks.sort_by_key(|block| block.id);
     for block in blocks {
         let ready = shown.ready(block);
@@ -249,8 +250,7 @@ fn run(args: &ShowArgs) -> Result<(), String> {
             Some(file) => picture(&shown, &ready, args, file)?,
             None => {
                 let options = options(&shown, block.id, args);
-                let style =
-                    Style { options, network: args.network, stl: args.stl, line: args.line, ascii: args.ascii };
+                let style = Style { options, network: args.network, stl: args.stl, line: args.line, ascii: args.ascii };
                 page(&shown, &ready, style).iter().for_each(|line| say!("{line}"));
             }
         }
