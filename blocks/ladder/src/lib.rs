@@ -24,5 +24,5 @@ pub use generate::{Made, carried, generate};
 pub use layout::{Class, Drawing, Form, NamesShown, Options, Piece, Place, Shape, draw, is_ladder};
 pub use line::line;
 pub use merge::{Mark, Merged, merge};
-pub use network::{Actual, Network, Statement, View, symbols, title};
+pub use network::{Actual, Network, Statement, View, title};
 pub use reason::Reason;

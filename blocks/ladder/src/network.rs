@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use ob1_ir::{CodeBlock, Notation, NumberFormat, Op, Place, Symbol, Target};
+use ob1_ir::{CodeBlock, Notation, NumberFormat, Op, Place, Target};
 use ob1_model::{BlockId, Interface, Section};
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Callees, Listing, Printer, Shown};
@@ -38,8 +38,6 @@ pub struct Statement {
     pub operand: String,
     /// The symbol of the operand.
     pub symbol: String,
-    /// What the symbol table says of it.
-    pub comment: String,
     /// The actual parameters that are supplied.
     pub actuals: Vec<Actual>,
     /// A jump leads to the first statement of a network, or to the block's end.
@@ -78,12 +76,6 @@ impl std::fmt::Debug for View<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("View").field("mnemonics", &self.mnemonics).finish_non_exhaustive()
     }
-}
-
-/// The symbols of a program by their addresses.
-#[must_use]
-pub fn symbols(all: &[Symbol]) -> BTreeMap<String, String> {
-    all.iter().map(|symbol| (symbol.address.clone(), symbol.name.clone())).collect()
 }
 
 impl View<'_> {
@@ -159,7 +151,6 @@ impl View<'_> {
             ops,
             operand: one.operand,
             symbol,
-            comment: String::new(),
             jumps_to_network: matches!(op, Op::Jump(_, to) if starts.contains(to)),
         }
     }
@@ -203,12 +194,6 @@ fn formal(callee: &Interface, name: &str) -> (u16, bool) {
 }
 
 impl Network {
-    /// The statement's operand as it is drawn: the symbol's comment stands in the list below the network.
-    #[must_use]
-    pub fn statement(&self, at: u32) -> Option<&Statement> {
-        self.statements.get(at as usize)
-    }
-
     /// A bit of the local data that belongs to the compiler.
     pub(crate) const fn is_hidden(&self, place: &Place) -> bool {
         matches!(place, Place::Fixed(ob1_model::Area::Local, at) if at.byte() >= self.hidden_local)

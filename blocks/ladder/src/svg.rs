@@ -117,7 +117,7 @@ fn group(
     match named {
         Some(named) => {
             let _ = write!(out, " data-operand=\"{}\">", escaped(&named.operand));
-            let words = [&named.operand, &named.symbol, &named.comment];
+            let words = [&named.operand, &named.symbol];
             let words: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).map(String::as_str).collect();
             let _ = write!(out, "<title>{}</title>", escaped(&words.join(" ")));
         }

@@ -1,5 +1,5 @@
-//! Real projects below `OB1_STEP7_PROJECTS`: which networks of blocks made in LAD or FBD are drawn. Without the variable
-//! there is nothing to do: projects belong to their owners, and none is kept here.
+//! Real projects below `OB1_STEP7_PROJECTS`: which networks of blocks made in LAD or FBD are drawn. Without the
+//! variable there is nothing to do: projects belong to their owners, and none is kept here.
 
 #![allow(clippy::disallowed_methods, reason = "the test reads projects from the disk")]
 
