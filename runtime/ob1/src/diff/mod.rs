@@ -90,8 +90,17 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
 pub(crate) fn show_between((old, new): (Program, Program), library: &Library, titles: [&str; 2]) {
     let [before, after] = titles.map(str::to_owned);
     let side = |title, program| {
-        let library = library.clone();
-        Side { title, runs: false, program, library, sources: BTreeMap::new(), made: BTreeMap::new() }
+        let (library, protected) = (library.clone(), BTreeSet::new());
+        Side {
+            title,
+            runs: false,
+            program,
+            library,
+            sources: BTreeMap::new(),
+            of_project: false,
+            protected,
+            made: BTreeMap::new(),
+        }
     };
     let (old, new) = (side(before, old), side(after, new));
     let _ = compare(&Wanted::default(), &old, &new);

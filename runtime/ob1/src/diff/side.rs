@@ -1,6 +1,6 @@
 //! One of the two programs, from wherever it is.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use ob1_ir::Program;
@@ -31,14 +31,18 @@ pub(crate) struct Side {
     pub(crate) library: Library,
     /// The texts of its blocks, of a project those made of them.
     pub(crate) sources: BTreeMap<BlockId, String>,
-    /// Of a project: see [`OfProject::made`].
+    /// It is a project, which says how its blocks were made.
+    pub(crate) of_project: bool,
+    /// See [`OfProject::protected`].
+    pub(crate) protected: BTreeSet<BlockId>,
+    /// See [`OfProject::made`].
     pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
 }
 
 impl Side {
     pub(crate) fn of_project(title: String, of: OfProject) -> Self {
-        let OfProject { program, library, sources, made } = of;
-        Self { title, runs: false, program, library, sources, made }
+        let OfProject { program, library, sources, made, protected } = of;
+        Self { title, runs: false, program, library, sources, of_project: true, made, protected }
     }
 
     /// # Errors
@@ -47,7 +51,8 @@ impl Side {
         let title = path.display().to_string();
         let host = title.strip_prefix(CPU);
         let runs = host.is_some();
-        let (mut sources_of, mut made) = (BTreeMap::new(), BTreeMap::new());
+        let (mut sources_of, mut made, mut protected, mut of_project) =
+            (BTreeMap::new(), BTreeMap::new(), BTreeSet::new(), false);
         let (program, library) = if let Some(host) = host {
             import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
         } else if station_file::is_station_file(path) {
@@ -66,7 +71,7 @@ impl Side {
                 }
                 project => {
                     let found = project?;
-                    (sources_of, made) = (found.sources, found.made);
+                    (sources_of, made, protected, of_project) = (found.sources, found.made, found.protected, true);
                     (found.program, found.library)
                 }
             }
@@ -74,7 +79,7 @@ impl Side {
         if sources_of.is_empty() {
             sources_of = texts_of(&program);
         }
-        Ok(Self { title, runs, program, library, sources: sources_of, made })
+        Ok(Self { title, runs, program, library, sources: sources_of, of_project, made, protected })
     }
 
     /// Its blocks as text; only `wanted`, if there are any. `values`: those of data blocks, too.

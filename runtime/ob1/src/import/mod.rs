@@ -14,7 +14,7 @@ mod upload;
 mod used;
 mod wire;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -133,6 +133,8 @@ pub(crate) struct OfProject {
     /// The language of each block that was made in LAD or FBD, and for each of its networks whether it was edited as
     /// statements: its comments then have records of lines.
     pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
+    /// Blocks that are know-how protected: their statements are not shown.
+    pub(crate) protected: BTreeSet<BlockId>,
 }
 
 /// The program of a project.
@@ -158,7 +160,8 @@ fn of_project(taken: &Taken, program: Program, translation: &Translation, librar
         let source = translation.sources.iter().find(|source| source.name == file)?;
         Some((*id, String::from_utf8_lossy(&source.bytes).into_owned()))
     });
-    OfProject { program, library, sources: sources.collect(), made }
+    let protected = taken.folder.blocks.iter().filter(|(_, block)| block.know_how).map(|(id, _)| *id).collect();
+    OfProject { program, library, sources: sources.collect(), made, protected }
 }
 
 /// A folder as a program: what is replaced, what the program may call, and itself.

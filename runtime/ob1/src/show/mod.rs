@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use ob1_ir::{CodeBlock, Symbol};
 use ob1_ladder::svg::{heading, svg};
 use ob1_ladder::tree::Tree;
-use ob1_ladder::{Form, NamesShown, Network, Options, View, draw, line, read, text};
+use ob1_ladder::{Form, NamesShown, Network, Options, Reason, View, draw, line, read, text};
 use ob1_model::{BlockId, Interface};
 use ob1_project::Language as Made;
 use ob1_station::block_name::parse_block;
@@ -149,6 +149,12 @@ impl Shown {
         Options { form, mnemonics: self.mnemonics, ..Options::default() }
     }
 
+    /// Why its statements are not shown.
+    fn hidden(&self, id: BlockId) -> Option<String> {
+        let hidden = self.side.protected.contains(&id);
+        hidden.then(|| format!("{id} is know-how protected: it runs, and its statements are not printed"))
+    }
+
     /// The view in which the block was made.
     pub(crate) fn form(&self, id: BlockId) -> Form {
         match self.side.made.get(&id) {
@@ -280,6 +286,9 @@ fn options(shown: &Shown, id: BlockId, args: &ShowArgs) -> Options {
 }
 
 fn picture(shown: &Shown, ready: &Ready<'_>, args: &ShowArgs, file: &Path) -> Result<(), String> {
+    if let Some(why) = shown.hidden(ready.block.id) {
+        return Err(why);
+    }
     let number = usize::from(args.network.unwrap_or(1));
     let network = ready.networks.get(number - 1).ok_or("there is no such network")?;
     let tree = read(network).map_err(|why| format!("network {number} is shown as statements: {why}"))?;
@@ -317,6 +326,10 @@ pub(crate) fn pages(side: Side) -> Vec<(BlockId, String)> {
 fn page(shown: &Shown, ready: &Ready<'_>, style: Style) -> Vec<String> {
     let options = style.options;
     let mut out = vec![ob1_ladder::title(ready.block.id, ready.block.name.as_deref())];
+    if let Some(why) = shown.hidden(ready.block.id) {
+        out.push(why);
+        return out;
+    }
     for network in ready.networks.iter().filter(|network| style.network.is_none_or(|n| n == network.number)) {
         let tree = if style.stl { None } else { Some(read(network)) };
         if let (Some(Ok(tree)), true) = (&tree, style.line) {
@@ -372,27 +385,23 @@ fn names(network: &Network) -> Vec<String> {
     list.map(|(address, symbol)| format!("  {address:<12} {symbol}")).collect()
 }
 
-/// What is drawn of a whole program.
+/// What is drawn of a program.
+#[derive(Debug, Default)]
+struct Counted {
+    /// With statements.
+    networks: usize,
+    /// Of these, those that somebody has drawn, or may have drawn.
+    graphical: usize,
+    /// Of these, those that can be drawn.
+    drawn: usize,
+    /// And the others.
+    left: Vec<(BlockId, u16, Reason)>,
+}
+
 fn count(shown: &Shown, args: &ShowArgs) -> Result<(), String> {
     let wanted = args.block.join(" ");
     let only = if wanted.is_empty() { None } else { Some(shown.block(&wanted)?.id) };
-    let (mut networks, mut graphical, mut drawn, mut left) = (0, 0, 0, Vec::new());
-    for block in shown.side.program.blocks.iter().filter(|block| only.is_none_or(|id| block.id == id)) {
-        let made = shown.side.made.get(&block.id);
-        for network in shown.ready(block).networks.iter().filter(|network| !network.is_empty()) {
-            networks += 1;
-            // A project says which networks were drawn; of other programs each may have been.
-            let lined = |lined: &Vec<bool>| lined.get(usize::from(network.number) - 1).copied().unwrap_or(false);
-            if !shown.side.made.is_empty() && made.is_none_or(|(_, lines)| lined(lines)) {
-                continue;
-            }
-            graphical += 1;
-            match read(network) {
-                Ok(_) => drawn += 1,
-                Err(why) => left.push((block.id, network.number, why)),
-            }
-        }
-    }
+    let Counted { networks, graphical, drawn, left } = counted(shown, only);
     if args.json {
         let left: Vec<_> = left
             .iter()
@@ -404,4 +413,84 @@ fn count(shown: &Shown, args: &ShowArgs) -> Result<(), String> {
         left.iter().for_each(|(id, network, why)| say!("{id}, network {network}: {why}"));
     }
     Ok(())
+}
+
+fn counted(shown: &Shown, only: Option<BlockId>) -> Counted {
+    let mut counted = Counted::default();
+    let side = &shown.side;
+    for block in side.program.blocks.iter().filter(|block| only.is_none_or(|id| block.id == id)) {
+        let made = side.made.get(&block.id);
+        for network in shown.ready(block).networks.iter().filter(|network| !network.is_empty()) {
+            counted.networks += 1;
+            // A project says which networks were drawn; of other programs each may have been.
+            let lined = |lined: &Vec<bool>| lined.get(usize::from(network.number) - 1).copied().unwrap_or(false);
+            if side.of_project && made.is_none_or(|(_, lines)| lined(lines)) {
+                continue;
+            }
+            counted.graphical += 1;
+            match read(network) {
+                Ok(_) => counted.drawn += 1,
+                Err(why) => counted.left.push((block.id, network.number, why)),
+            }
+        }
+    }
+    counted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::OfProject;
+    use ob1_stl::{Library, Options as Compile, Source, compile};
+
+    const TEXT: &str = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nTITLE = Pump\n// on demand\nU E 0.0;\n= A 4.0;\nNETWORK\nL 5;\n\
+        T MW 2;\nL MW 4;\nNETWORK\nEND_FUNCTION\n";
+
+    fn side(made: BTreeMap<BlockId, (Made, Vec<bool>)>) -> Side {
+        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ty: None };
+        let symbols = vec![symbol("Start", "I 0.0"), symbol("Motor", "Q 4.0")];
+        let library = Library::new();
+        let output = compile(&[Source::new("a", TEXT)], &library, &Compile { symbols, ..Compile::default() });
+        assert!(output.is_good(), "{:?}", output.diagnostics);
+        let sources = BTreeMap::from([(output.program.blocks[0].id, TEXT.to_owned())]);
+        Side::of_project(
+            "test".into(),
+            OfProject { program: output.program, library, sources, made, protected: BTreeSet::new() },
+        )
+    }
+
+    #[test]
+    fn a_block_is_drawn_with_its_titles_and_symbols() {
+        let pages = pages(side(BTreeMap::new()));
+        let expected = "\
+FC 1
+
+Network 1: Pump
+  on demand
+│ Start    Motor
+│ E 0.0    A 4.0
+├──┤ ├─────(   )
+  A 4.0        Motor
+  E 0.0        Start
+
+Network 2
+(as statements: statement 3: a value that goes nowhere)
+      L     5;
+      T     MW 2;
+      L     MW 4;
+";
+        assert_eq!(pages[0].1, expected);
+    }
+
+    #[test]
+    fn a_project_tells_what_was_drawn() {
+        let id = BlockId::new(ob1_model::BlockKind::Fc, 1);
+        let count = |made| {
+            let counted = counted(&Shown::new(side(made), Language::Auto), None);
+            [counted.networks, counted.graphical, counted.drawn, counted.left.len()]
+        };
+        assert_eq!(count(BTreeMap::from([(id, (Made::Lad, vec![false, true]))])), [2, 1, 1, 0]);
+        assert_eq!(count(BTreeMap::from([(id, (Made::Lad, vec![false, false]))])), [2, 2, 1, 1]);
+        assert_eq!(count(BTreeMap::new()), [2, 0, 0, 0], "all of it is STL");
+    }
 }
