@@ -111,9 +111,9 @@ fn changed_networks_are_exact_or_statements() {
             op => op.clone(),
         };
         // A NOP 0 that carries the network's label is no part of the picture.
-        let carries = network.label.is_empty() || network.statements.first().is_none_or(|s| s.op != Op::Nop);
+        let is_plain = network.label.is_empty() || network.statements.first().is_none_or(|s| s.op != Op::Nop);
         let theirs: Vec<Op> =
-            network.statements.iter().skip(usize::from(!carries)).map(|s| plain(&s.op)).filter(counts).collect();
+            network.statements.iter().skip(usize::from(!is_plain)).map(|s| plain(&s.op)).filter(counts).collect();
         let ours: Vec<Op> = generate(&tree).iter().map(|made| plain(&made.op)).filter(counts).collect();
         if !network.is_empty() {
             assert_eq!(theirs, ours, "seed {seed}");
