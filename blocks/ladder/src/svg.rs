@@ -154,7 +154,7 @@ fn shape(out: &mut String, path: &mut String, shape: &Shape) {
         }
         Shape::Sign { row, column, text, class: Class::Contact } => contact(out, *row, *column, text),
         Shape::Sign { row, column, text, .. } | Shape::Name { row, column, text, .. } => {
-            words(out, *row, *column, text)
+            words(out, *row, *column, text);
         }
         Shape::Frame { row, column, width, height, title } => {
             let (x, y) = (column * ACROSS + ACROSS / 2, row * DOWN + DOWN / 2);

@@ -1,6 +1,12 @@
 //! Random trees: statements, machine code and back; drawings in which every operand stands and nothing overlaps;
 //! statements that somebody has changed.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "how long a run is comes from outside; one test measures"
+)]
+
 mod common;
 
 use std::collections::BTreeMap;
@@ -128,7 +134,6 @@ fn changed_networks_are_exact_or_statements() {
 fn five_hundred_networks_are_drawn_at_once() {
     let interfaces = interfaces();
     let networks: Vec<Network> = (0..500).map(|seed| network(&block(&generate(&made(seed))), &interfaces)).collect();
-    #[expect(clippy::disallowed_methods, reason = "it measures")]
     let begin = std::time::Instant::now();
     let texts = || -> Vec<String> {
         let draw = |network: &Network| {

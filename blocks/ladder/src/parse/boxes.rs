@@ -56,7 +56,7 @@ impl Parser<'_> {
         let (time, start) = (self.take()?, self.take()?);
         let Op::StartTimer(_, number) = start.op else { return self.wrong("no timer") };
         let reset = self.pin(&Op::ResetTimer(number))?;
-        let outputs = self.values([Op::LoadTimer(number), Op::LoadTimerBcd(number)])?;
+        let outputs = self.values(&[Op::LoadTimer(number), Op::LoadTimerBcd(number)])?;
         let used = self.output(BitTest::Timer(number))?;
         Ok((Body::Timer { time, start, reset, outputs }, used))
     }
@@ -84,15 +84,15 @@ impl Parser<'_> {
             Some((node, value))
         };
         let reset = self.pin(&Op::ResetCounter(number))?;
-        let outputs = self.values([Op::LoadCounter(number), Op::LoadCounterBcd(number)])?;
+        let outputs = self.values(&[Op::LoadCounter(number), Op::LoadCounterBcd(number)])?;
         let used = self.output(BitTest::Counter(number))?;
         Ok((Body::Counter { count, second, set, reset, outputs }, used))
     }
 
     /// The two values a timer or counter gives, each with where it goes.
-    fn values(&mut self, loads: [Op; 2]) -> Parsed<[Option<[Value; 2]>; 2]> {
+    fn values(&mut self, loads: &[Op; 2]) -> Parsed<[Option<[Value; 2]>; 2]> {
         let mut outputs = [None, None];
-        for (output, load) in outputs.iter_mut().zip(&loads) {
+        for (output, load) in outputs.iter_mut().zip(loads) {
             if self.eat(&Op::Nop) {
                 continue;
             }

@@ -28,6 +28,7 @@ const MEMORY: u32 = 128;
 const COPY: u32 = 200;
 
 /// Random states of the short run; `OB1_LADDER_STATES` for a longer one.
+#[expect(clippy::disallowed_methods, reason = "how long a run is comes from outside")]
 fn states() -> u64 {
     std::env::var("OB1_LADDER_STATES").ok().and_then(|count| count.parse().ok()).unwrap_or(500)
 }
