@@ -15,6 +15,7 @@ mod place;
 mod program;
 mod text;
 mod verify;
+pub mod why;
 
 pub use call::{Arg, Call, CallMode, Target};
 pub use file::{ParseError, parse, write};

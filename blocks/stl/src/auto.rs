@@ -57,6 +57,11 @@ impl Sets {
         Self { german: Words::new(Mnemonics::German), international: Words::new(Mnemonics::International), of }
     }
 
+    /// The set of each file.
+    pub(crate) fn all(&self) -> Vec<Mnemonics> {
+        self.of.clone()
+    }
+
     /// The words a file is written in.
     pub(crate) fn of(&self, file: usize) -> &Words {
         match self.of.get(file) {

@@ -47,6 +47,7 @@ mod reach;
 mod reader;
 mod recognise;
 mod source;
+mod source_lines;
 mod supplied;
 mod symbol_rows;
 mod symbol_table;
@@ -58,6 +59,7 @@ mod token;
 mod type_words;
 mod types;
 mod value;
+mod value_text;
 mod words;
 mod world;
 mod xref;
@@ -75,9 +77,14 @@ pub use mnemonics::Mnemonics;
 pub use numbering::Numbered;
 pub use recognise::{EXPORT_TAGS, names_no_symbol};
 pub use source::Source;
+pub use source_lines::{block_lines, in_other_set, most, sets_of};
 pub use symbol_table::{SymbolTable, TableForm, read_symbol_tables, read_symbols};
+pub use value_text::{constant_bits, constant_bytes, duration_text};
 
-pub use xref::{Access, Reference, render_xref, xref, xref_with};
+pub use xref::{
+    AREAS, Access, Assignment, ByteUse, CrossReference, Match, Reference, Unknown, Uses, WrittenTwice, in_set,
+    render_xref, xref, xref_with,
+};
 
 use auto::Sets;
 use diagnostic::Sink;
@@ -117,6 +124,8 @@ pub struct Output {
     pub numbers: Vec<Numbered>,
     /// The blocks of [`Library::offer`] that the program calls, with their names and numbers.
     pub demanded: Vec<Numbered>,
+    /// The set of mnemonics of each source.
+    pub mnemonics: Vec<Mnemonics>,
     /// Elementary steps of work done (tokens read, declarations, bytes of start values): grows linearly with the
     /// input.
     pub steps: u64,
@@ -192,7 +201,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let texts: Vec<&str> = files.iter().map(|f| f.text).collect();
     let steps = sink.steps;
     let (diagnostics, rest) = sink.finish_within(&texts, options.limit);
-    Output { program, diagnostics, rest, numbers, demanded, steps }
+    Output { program, diagnostics, rest, numbers, demanded, mnemonics: sets.all(), steps }
 }
 
 fn file<'t>(index: usize, text: &'t str, other: Option<Other>, sink: &mut Sink) -> File<'t> {

@@ -55,7 +55,7 @@ impl Whole {
     }
 }
 
-fn jump_targets(code: &[Stmt]) -> BTreeSet<u32> {
+pub(crate) fn jump_targets(code: &[Stmt]) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     for stmt in code {
         match &stmt.op {

@@ -84,6 +84,11 @@ pub(crate) fn begins_block(word: &str) -> bool {
     FRAMES.iter().any(|(begin, _, _)| begin.eq_ignore_ascii_case(word))
 }
 
+/// True for the last word of a block.
+pub(crate) fn ends_block(word: &str) -> bool {
+    FRAMES.iter().any(|(_, end, _)| end.eq_ignore_ascii_case(word))
+}
+
 /// True for the first word of a declaration section.
 pub(crate) fn is_section(word: &str) -> bool {
     Section::opened_by(word).is_some()

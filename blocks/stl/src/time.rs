@@ -35,6 +35,19 @@ fn fraction(text: &str) -> Option<(Option<i128>, &str)> {
     Some((format!("{whole}{part}").parse().ok(), unit))
 }
 
+/// A duration as [`duration`] and [`signed_duration`] read it: `1S500MS`.
+pub(crate) fn written_duration(ms: i64) -> String {
+    let mut rest = ms.unsigned_abs();
+    let mut out = String::from(if ms < 0 { "-" } else { "" });
+    for (unit, length) in [("D", 86_400_000), ("H", 3_600_000), ("M", 60_000), ("S", 1_000), ("MS", 1)] {
+        if rest >= length {
+            out += &format!("{}{unit}", rest / length);
+            rest %= length;
+        }
+    }
+    if ms == 0 { "0MS".to_owned() } else { out }
+}
+
 /// A TIME, perhaps negative.
 pub(crate) fn signed_duration(text: &str) -> Option<i32> {
     let (negative, text) = match text.strip_prefix('-') {

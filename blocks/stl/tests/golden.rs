@@ -68,7 +68,8 @@ fn listing_and_cross_reference_give_what_is_expected() {
     assert!(output.is_good(), "{:?}", output.diagnostics);
     check(&data.join("listing.expected"), &ob1_stl::listing(&output.program));
     let references = ob1_stl::xref_with(&output.program, &library);
-    check(&data.join("xref.expected"), &ob1_stl::render_xref(&references));
+    let german = ob1_stl::Mnemonics::German;
+    check(&data.join("xref.expected"), &ob1_stl::render_xref(&references, &output.program, german));
     let alone = ob1_stl::xref(&output.program);
     assert!(alone.is_sorted() && references.is_sorted());
     assert!(

@@ -79,7 +79,11 @@ fn check(bytes: &[u8]) -> Output {
     if bytes.len() < 10_000 {
         let references = ob1_stl::xref_with(&output.program, &library);
         assert!(references.is_sorted() && ob1_stl::xref(&output.program).is_sorted());
-        assert_eq!(references.is_empty(), ob1_stl::render_xref(&references).is_empty());
+        let text = ob1_stl::render_xref(&references, &output.program, ob1_stl::Mnemonics::International);
+        assert_eq!(references.is_empty(), text.is_empty());
+        let all = ob1_stl::CrossReference::new(&output.program, &library);
+        // Nothing of these panics; every use is found under its own name.
+        let _ = (all.calls(), all.unused(), all.written_twice(), all.assignment().render(ob1_stl::Mnemonics::German));
         assert!(ob1_stl::listing(&output.program).starts_with("source 1: "));
     }
     for diagnostic in output.diagnostics.iter().take(20) {

@@ -113,7 +113,7 @@ impl fmt::Display for Datum {
 }
 
 /// The number with the shortest digits that parse to the same value.
-fn real(value: f32) -> Value {
+pub(crate) fn real(value: f32) -> Value {
     let text = value.to_string();
     text.parse().ok().and_then(serde_json::Number::from_f64).map_or_else(|| json!(text), Value::Number)
 }
@@ -261,7 +261,7 @@ fn has_value(ty: &DataType) -> bool {
 }
 
 /// A value of a type whose first bit is bit `bit` of the bytes.
-fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
+pub(crate) fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
     let bytes = bytes.get((bit / 8) as usize..)?;
     let take = |len: usize| bytes.get(..len);
     let word = || take(2).and_then(|b| b.try_into().ok()).map(u16::from_be_bytes);
@@ -299,7 +299,7 @@ fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
 }
 
 /// The bytes of a value of a type; a BOOL takes one byte.
-fn write(ty: &DataType, value: &Datum) -> Result<Vec<u8>, Unfit> {
+pub(crate) fn write(ty: &DataType, value: &Datum) -> Result<Vec<u8>, Unfit> {
     Ok(match (ty, value) {
         (DataType::Bool, Datum::Bool(bit)) => vec![u8::from(*bit)],
         (DataType::Byte | DataType::Char, Datum::Byte(byte)) => vec![*byte],

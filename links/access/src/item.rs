@@ -19,7 +19,7 @@ pub enum Reading {
 }
 
 /// A cell by its name.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Item {
     /// The name as it was given.
     pub name: String,
@@ -29,8 +29,8 @@ pub struct Item {
     pub width: Width,
     /// How its bits are read.
     pub reading: Reading,
-    /// The S7 type, for people: `WORD`, `DINT`.
-    pub type_name: &'static str,
+    /// The S7 type.
+    pub ty: DataType,
 }
 
 /// A place by its name, with its type: also texts, times, arrays and structures, which are not an [`Item`].
@@ -49,7 +49,7 @@ impl Item {
     #[must_use]
     pub fn of(typed: &Typed) -> Option<Self> {
         let (width, reading) = of_type(&typed.ty)?;
-        Some(Self { name: typed.name.clone(), cell: typed.cell, width, reading, type_name: typed.ty.name() })
+        Some(Self { name: typed.name.clone(), cell: typed.cell, width, reading, ty: typed.ty.clone() })
     }
 }
 

@@ -1,5 +1,5 @@
-//! Common parts of all links into a CPU: names of cells ([`Names`]), their values as text and JSON ([`value`]), the
-//! forms people read them in ([`Form`]), and the rights of clients ([`Allowed`]).
+//! Common parts of all links into a CPU: names of cells ([`Names`]), their values as text and JSON ([`value`],
+//! [`text`]), the forms people read them in ([`Form`]), and the rights of clients ([`Allowed`]).
 //!
 //! It knows the program's names and the terms of an S7, but no CPU: callers that read and write cells ask it for their
 //! meaning.
@@ -12,6 +12,7 @@ mod item;
 mod near;
 pub mod partner;
 mod rights;
+pub mod text;
 pub mod value;
 
 pub use datum::{Datum, Unfit};

@@ -1,8 +1,9 @@
 //! Values as text and JSON, both ways.
 
-use ob1_model::Width;
+use ob1_model::{DataType, Width};
 use serde_json::{Value, json};
 
+use crate::datum::real;
 use crate::{Item, Reading};
 
 /// The bits of a cell as JSON: a boolean, a whole number, or a real.
@@ -16,11 +17,8 @@ pub fn to_json(item: &Item, bits: u32) -> Value {
             Width::Word => i32::from(bits as u16 as i16),
             Width::DWord => bits as i32,
         }),
-        Reading::Real => {
-            let real = f32::from_bits(bits);
-            // JSON has no infinities; they become a word.
-            if real.is_finite() { json!(real) } else { json!(real.to_string()) }
-        }
+        // JSON has no infinities; they become a word.
+        Reading::Real => real(f32::from_bits(bits)),
     }
 }
 
@@ -32,12 +30,16 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
         Value::Number(number) => {
-            let unfit = || format!("{number} does not fit {}, a {}", item.name, item.type_name);
+            let unfit = || format!("{number} does not fit {}, a {}", item.name, item.ty.name());
             match (number.as_i64(), number.as_f64()) {
                 (_, Some(number)) if item.reading == Reading::Real => {
                     narrowed(number).map(f32::to_bits).ok_or_else(unfit)
                 }
                 (Some(number), _) => fit(item, number),
+                // A double word without a type may be a REAL.
+                (None, Some(number)) if item.ty == DataType::DWord => {
+                    narrowed(number).map(f32::to_bits).ok_or_else(unfit)
+                }
                 _ => Err(unfit()),
             }
         }
@@ -46,16 +48,16 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     }
 }
 
-/// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `W#16#1A`, `L#5`, `2#1010`, `1.5`.
+/// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `2#1010`, `1.5`, and every constant of STL.
 ///
 /// # Errors
 /// The error in it, in one sentence.
 pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
-    let wrong = || {
-        let forms = forms(item, text);
-        format!("\"{text}\" is not a value for {}, which is {}; write {forms}", item.name, item.type_name)
-    };
     let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
+    let wrong = || {
+        let forms = forms(item);
+        format!("\"{text}\" is not a value for {}, which is {}; write {forms}", item.name, item.ty.name())
+    };
     let plain = ["DW#16#", "W#16#", "B#16#", "16#"].into_iter().find_map(|prefix| upper.strip_prefix(prefix));
     if let Some(hex) = plain {
         let bits = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
@@ -69,24 +71,37 @@ pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
         return real_of(&upper).map(f32::to_bits).ok_or_else(wrong);
     }
     match upper.strip_prefix("L#").unwrap_or(&upper) {
-        "TRUE" => fit(item, 1),
-        "FALSE" => fit(item, 0),
-        number => fit(item, number.parse().map_err(|_| wrong())?),
+        "TRUE" => return fit(item, 1),
+        "FALSE" => return fit(item, 0),
+        number => {
+            if let Ok(number) = number.parse() {
+                return fit(item, number);
+            }
+        }
     }
+    constant(item, text.trim()).ok_or_else(wrong)
 }
 
-/// What may be written for a cell. If a REAL was written for a double word without a type, its bits are named, too.
-fn forms(item: &Item, text: &str) -> String {
-    let forms = match item.reading {
-        Reading::Bool => "0, 1, true or false",
-        Reading::Real => "1.5, -5 or 1e3",
-        Reading::Unsigned | Reading::Signed => "1, -5, 16#1A or 2#1010",
-    };
-    let real = text.contains('.').then(|| real_of(text.trim())).flatten();
-    match real.filter(|_| item.width == Width::DWord && item.reading == Reading::Unsigned) {
-        Some(real) => format!("{forms}; as a REAL it is 16#{:08X}", real.to_bits()),
-        None => forms.to_owned(),
+/// A constant of STL for this cell: of its type, or of its width where it has none.
+fn constant(item: &Item, text: &str) -> Option<u32> {
+    if item.ty == DataType::Counter {
+        let number = text.get(..2).filter(|prefix| prefix.eq_ignore_ascii_case("C#")).and_then(|_| text.get(2..))?;
+        return number.parse().ok().and_then(|number| fit(item, number).ok());
     }
+    if let Ok(bytes) = ob1_stl::constant_bytes(text, &item.ty) {
+        return Some(bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte)));
+    }
+    let untyped = matches!(item.ty, DataType::Byte | DataType::Word | DataType::DWord);
+    let (bits, width) = ob1_stl::constant_bits(text).ok().filter(|_| untyped)?;
+    (width <= u32::from(item.width.bits())).then_some(bits)
+}
+
+/// What may be written for a cell.
+fn forms(item: &Item) -> &'static str {
+    crate::text::form(&item.ty).unwrap_or(match item.ty {
+        DataType::DWord => "1, -5, 16#1A, 2#1010, 1.5 or T#2S",
+        _ => "1, -5, 16#1A or 2#1010",
+    })
 }
 
 /// A number as a REAL; `None`: it is beyond the range.
@@ -125,7 +140,15 @@ mod tests {
     use ob1_model::Cell;
 
     fn item(width: Width, reading: Reading) -> Item {
-        Item { name: "X".into(), cell: Cell::Timer(0), width, reading, type_name: "TYPE" }
+        let ty = match (width, reading) {
+            (Width::Bit, _) => DataType::Bool,
+            (Width::Byte, _) => DataType::Byte,
+            (Width::Word, Reading::Signed) => DataType::Int,
+            (Width::Word, _) => DataType::Word,
+            (Width::DWord, Reading::Real) => DataType::Real,
+            (Width::DWord, _) => DataType::DWord,
+        };
+        Item { name: "X".into(), cell: Cell::Area(ob1_model::Area::Memory, 0), width, reading, ty }
     }
 
     #[test]
@@ -146,12 +169,18 @@ mod tests {
             (&dword, "2#101", 5),
             (&real, "1.5", 0x3FC0_0000),
             (&real, "16#3FC00000", 0x3FC0_0000),
+            (&dword, "1.5", 0x3FC0_0000),
+            (&dword, "T#2S", 2000),
+            (&word, "S5T#2S", 0x0200),
+            (&word, "'AB'", 0x4142),
+            (&word, "C#12", 0x12),
         ] {
             assert_eq!(from_text(item, text), Ok(bits), "{text}");
             assert_eq!(from_json(item, &to_json(item, bits)), Ok(bits), "{text}");
         }
         assert_eq!(to_json(&int, 0xFFFF), json!(-1));
         assert_eq!(to_json(&word, 0xFFFF), json!(65535));
+        assert_eq!(to_json(&real, 0x4149_0A3D), json!(12.565));
         assert_eq!(to_json(&real, f32::INFINITY.to_bits()), json!("inf"));
     }
 
@@ -163,11 +192,12 @@ mod tests {
         let bit = item(Width::Bit, Reading::Bool);
         for (item, text, forms) in [
             (&int, "1.5", "1, -5, 16#1A or 2#1010"),
-            (&dword, "1.5", "1, -5, 16#1A or 2#1010; as a REAL it is 16#3FC00000"),
+            (&dword, "1,5", "1, -5, 16#1A, 2#1010, 1.5 or T#2S"),
+            (&int, "T#2S", "1, -5, 16#1A or 2#1010"),
             (&bit, "on", "0, 1, true or false"),
             (&real, "1,5", "1.5, -5 or 1e3"),
         ] {
-            let said = format!("\"{text}\" is not a value for X, which is TYPE; write {forms}");
+            let said = format!("\"{text}\" is not a value for X, which is {}; write {forms}", item.ty.name());
             assert_eq!(from_text(item, text), Err(said));
         }
     }

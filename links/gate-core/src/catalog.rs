@@ -32,7 +32,7 @@ mod tests {
         let text =
             "symbol \"start\" \"E 0.0\" BOOL\ndata DB 7 \"TANK\" of FB 3\n  at \"level\" @0.0 INT\n  bytes 00FF\n";
         let catalog = Catalog::read(text.as_bytes()).expect("a program");
-        assert_eq!(catalog.names.parse("TANK.level").expect("there").type_name, "INT");
+        assert_eq!(catalog.names.parse("TANK.level").expect("there").ty.name(), "INT");
         assert!(catalog.names.parse("start").is_ok());
         for wrong in [&b"data DB"[..], b"\xFF"] {
             assert!(matches!(Catalog::read(wrong), Err(Trouble::Program(_))));

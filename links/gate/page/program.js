@@ -8,14 +8,11 @@ export function program(main) {
   const found = h("section");
   const operand = h("input", { id: "operand", placeholder: say("findHelp") });
 
+  // A line of the source: its symbols beside it where it has addresses.
   const code = (block) => {
-    let network = 0;
-    const rows = block.statements.flatMap(([number, line, text]) => {
-      const head = number !== network ? [h("tr", {}, h("th", { colspan: "2", scope: "rowgroup" }, `${say("network")} ${number}`))] : [];
-      network = number;
-      return [...head, h("tr", {}, h("td", { class: "number quiet" }, `${line}`), h("td", { class: "code" }, text))];
-    });
-    return [h("p", { class: "quiet" }, block.source ?? ""),
+    const rows = block.lines.map(([line, network, text, symbols]) => h("tr", { id: `line-${line}`, "data-network": `${network}` },
+      h("td", { class: "number quiet" }, line ? `${line}` : ""), h("td", { class: "code" }, text), h("td", { class: "quiet" }, symbols.join(", "))));
+    return [h("p", { class: "quiet" }, block.source || say("printed")),
       h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": block.id }, h("table", {}, h("tbody", {}, rows)))];
   };
 
@@ -25,11 +22,12 @@ export function program(main) {
       table([say("name"), say("type"), say("address")], block.components.map(([name, type, at]) => [h("code", {}, name), type, at]), block.id)];
   };
 
-  const open = async (id) => {
+  const open = async (id, line) => {
     try {
       const block = await ask(`block?id=${encodeURIComponent(id)}`);
-      detail.replaceChildren(h("h2", {}, `${block.id} ${block.name ?? ""}`), ...(block.statements ? code(block) : data(block)));
+      detail.replaceChildren(h("h2", {}, `${block.id} ${block.name ?? ""}`), ...(block.lines ? code(block) : data(block)));
       detail.focus();
+      document.getElementById(`line-${line}`)?.scrollIntoView({ block: "center" });
     } catch (error) { tell(error.message); }
   };
 
@@ -37,9 +35,14 @@ export function program(main) {
     event.preventDefault();
     try {
       const told = await ask(`xref?operand=${encodeURIComponent(operand.value)}`);
-      const rows = Object.entries(told.operands).flatMap(([name, places]) => places.map(([block, network, line, access]) =>
-        [h("code", {}, name), h("button", { type: "button", onclick: () => open(block) }, block), `${network}`, `${line}`, access]));
-      found.replaceChildren(table([say("name"), say("blocks"), say("network"), say("line"), ""], rows, say("find")),
+      const row = ([name, block, network, line, access, via]) => [h("code", {}, name),
+        h("button", { type: "button", onclick: () => open(block, line) }, `${block}, ${say("line")} ${line}`), `${network}`, access, via ?? ""];
+      const list = (possible) => told.uses.filter((use) => use[6] === possible).map(row);
+      const heads = [say("name"), say("blocks"), say("network"), "", ""];
+      const [certain, perhaps] = [list(false), list(true)];
+      found.replaceChildren(h("h2", {}, `${say("find")} ${told.operand}`),
+        certain.length ? table(heads, certain, say("find")) : h("p", {}, say("unused")),
+        ...(perhaps.length ? [h("p", {}, say("perhaps")), table(heads, perhaps, say("perhaps"))] : []),
         told.more ? h("p", {}, say("more")) : "");
     } catch (error) { tell(error.message); }
   };

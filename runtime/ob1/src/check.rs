@@ -14,12 +14,14 @@ use crate::language::Language;
 use ob1_station::assembly;
 use ob1_station::compiling;
 use ob1_station::engine::EngineChoice;
+use ob1_station::files;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::library::{Choice, Chosen};
 use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
+use ob1_station::source_view;
 use ob1_station::sources::Sources;
 use ob1_station::station_file::findings::MISPLACED;
 use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
@@ -57,16 +59,19 @@ pub struct CheckArgs {
     /// Show every message, not 20 of a file and 100 in all
     #[arg(long)]
     pub all_messages: bool,
-    /// Also print the compiled program: blocks, layout of data, statements
+    /// Also print the program: the blocks as their sources have them, with the symbols of operands given by address
     #[arg(long)]
     pub listing: bool,
-    /// With --listing: also the machine code that the native engine makes of each block, and its bytes by statement
-    #[arg(long, requires = "listing")]
+    /// Also print the compiler's view of the program: blocks, layout of data, statements
+    #[arg(long)]
+    pub compiled: bool,
+    /// With --compiled: also the machine code that the native engine makes of each block, and its bytes by statement
+    #[arg(long, requires = "compiled")]
     pub native: bool,
     /// Look for the classic porting traps too
     #[arg(long)]
     pub lints: bool,
-    /// Mnemonics of the sources (a station file has its own key)
+    /// Mnemonics of the sources (a station file has its own key); with --listing and a station file, of the listing
     #[arg(long, value_enum, default_value_t = Language::Auto)]
     pub mnemonics: Language,
     /// Findings as a JSON array
@@ -74,7 +79,7 @@ pub struct CheckArgs {
     pub json: bool,
     /// Ask the system for what the station file wants for its scan, and say what was granted, what was refused, and the
     /// command that would grant it
-    #[arg(long, conflicts_with_all = ["plugin", "listing", "lints"])]
+    #[arg(long, conflicts_with_all = ["plugin", "listing", "compiled", "lints"])]
     pub posture: bool,
     /// Also print modules, and the parameters of CPs as keys and as bytes
     #[arg(long, short)]
@@ -90,7 +95,7 @@ impl CheckArgs {
             ("--symbols", !self.symbols.is_empty()),
             ("--library", !self.library.is_empty()),
             ("--numbers", self.numbers.is_some()),
-            ("--mnemonics", !matches!(self.mnemonics, Language::Auto)),
+            ("--mnemonics", !self.listing && self.mnemonics.wanted().is_some()),
         ]
     }
 }
@@ -202,6 +207,9 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
         Ok(compiled) => {
             text += &numbers::note(&compiled.numbers, args.numbers.as_deref());
             if args.listing {
+                text += &sources_text(&compiled.program, &library, Language::Auto);
+            }
+            if args.compiled {
                 text += &ob1_stl::listing(&compiled.program);
             }
             if args.native {
@@ -215,6 +223,12 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
     let of_library = |f: &Finding| args.library_source.iter().any(|path| path.display().to_string() == f.file);
     findings.retain(|f| f.level == Level::Error || !of_library(f));
     Checked { findings, text }
+}
+
+/// The program as its sources have it.
+fn sources_text(program: &ob1_ir::Program, library: &ob1_stl::Library, language: Language) -> String {
+    let read = |file: &str| Some(ob1_stl::Source::new(file, files::read(Path::new(file), files::LONGEST).ok()?));
+    source_view::text(&source_view::view(program, library, &read, language.wanted()), program)
 }
 
 fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
@@ -252,6 +266,10 @@ fn check_station(path: &Path, args: &CheckArgs) -> Checked {
         Ok((loaded, cpu)) => {
             text += &numbers::note(&loaded.numbers, station.program.numbers.as_deref());
             if args.listing {
+                let library = program::library(&loaded.plugins, &loaded.standard).unwrap_or_default();
+                text += &sources_text(&loaded.program, &library, args.mnemonics);
+            }
+            if args.compiled {
                 text += &ob1_stl::listing(&loaded.program);
             }
             if args.native {

@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::bus::{self, BusArgs};
 use crate::check::{self, CheckArgs};
+use crate::ctl::{self, CtlArgs};
 use crate::debug::{self, DebugArgs};
 use crate::diag::{self, DiagArgs};
 use crate::diff::{self, DiffArgs};
@@ -15,9 +16,10 @@ use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::force::{self, ForceArgs};
 use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
+use crate::list::{self, ListArgs};
 use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
-use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
+use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
 use crate::show::{self, ShowArgs};
 use crate::soak::{self, SoakArgs};
@@ -90,6 +92,7 @@ enum Command {
     Show(ShowArgs),
     Load(LoadArgs),
     Restart(RestartArgs),
+    List(ListArgs),
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
@@ -230,11 +233,12 @@ impl Command {
             Command::Show(args) => show::show(&args),
             Command::Load(args) => load::load(&args),
             Command::Restart(args) => restart::restart(&args),
+            Command::List(args) => list::list(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(args),
             Command::Set(args) => remote::set(&args),
             Command::Force(args) => force::force(&args),
-            Command::Ctl(args) => remote::ctl(&args),
+            Command::Ctl(args) => ctl::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
             Command::Status(args) => status::status(&args),
             Command::Debug(args) => debug::debug(&args),
@@ -277,7 +281,6 @@ mod tests {
             &["ob1", "run", "a.toml", "--for", "10"][..],
             &["ob1", "run", "a.toml", "--scans", "0"],
             &["ob1", "check"],
-            &["ob1", "get", "a"],
             &["ob1", "ctl", "a", "explode"],
         ] {
             assert!(Cli::try_parse_from(wrong).is_err(), "{wrong:?}");

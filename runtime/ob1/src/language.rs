@@ -14,6 +14,24 @@ pub enum Language {
     Auto,
 }
 
+impl Language {
+    /// The set that is asked for, or else the program's own.
+    #[must_use]
+    pub fn or(self, own: ob1_stl::Mnemonics) -> ob1_stl::Mnemonics {
+        self.wanted().unwrap_or(own)
+    }
+
+    /// The set that is asked for.
+    #[must_use]
+    pub const fn wanted(self) -> Option<ob1_stl::Mnemonics> {
+        match self {
+            Language::De => Some(ob1_stl::Mnemonics::German),
+            Language::En => Some(ob1_stl::Mnemonics::International),
+            Language::Auto => None,
+        }
+    }
+}
+
 impl From<Language> for Mnemonics {
     fn from(language: Language) -> Self {
         match language {

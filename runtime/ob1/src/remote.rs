@@ -1,14 +1,14 @@
-//! `ob1 get`, `set`, `ctl`: questions to a running station.
+//! `ob1 get`, `set`, and what `ctl` prints: questions to a running station.
 
 use std::collections::BTreeMap;
 
-use clap::builder::PossibleValue;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use ob1_access::Form;
-use ob1_model::Command;
+use ob1_model::OperatingState;
 use ob1_params::CpKind;
 use serde_json::Value;
 
+use crate::ctl;
 use crate::exit::Exit;
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{ModuleStatus, Op, Response, RetentiveStatus, Status, Times};
@@ -18,14 +18,14 @@ use ob1_station::view::EVENTS_LOST;
 /// Read cells of a running station
 #[derive(Debug, Args)]
 #[command(after_help = "Names: M1.0 MB1 MW10 MD4, E/I and A/Q likewise, PEW256, DB10.DBX0.0 DB10.DBW20, T2, Z3,\n\
-    components of data blocks (DB20.DONE) and symbols.\n\nExample:\n  ob1 get station-a.toml M1.0 DB20.DONE --json")]
+    components of data blocks (DB20.DONE) and symbols. A time is shown as S5T#1S500MS, a text as 'ABC', and so on.\n\n\
+    Examples:\n  ob1 get press\n  ob1 get station-a.toml M1.0 DB20.DONE MW12:hex --json")]
 pub struct GetArgs {
     /// A running station: its name or its file
     pub station: String,
-    /// Names of cells
-    #[arg(required = true)]
+    /// Names of cells, each perhaps with :hex :bin :anzw or :status; without any: all symbols
     pub items: Vec<String>,
-    /// As a JSON array of {item, type, value, hex}
+    /// As a JSON array of {item, type, value, hex, text}
     #[arg(long)]
     pub json: bool,
 }
@@ -33,7 +33,8 @@ pub struct GetArgs {
 /// Write cells of a running station
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5.\nAn input of a di or ai module keeps its value; \
+    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5, S5T#1S500MS, T#2S, D#2026-1-31, TOD#6:30:0,\n\
+    DT#2026-1-31-6:30:0, C#5, 'ABC'.\nAn input of a di or ai module keeps its value; \
     an input of a CP lasts until the next process image.\n\nExample:\n  ob1 set station-a.toml M1.0=1 DB10.DBW20=16#1234"
 )]
 pub struct SetArgs {
@@ -51,77 +52,6 @@ pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// Operate a running station
-#[derive(Debug, Args)]
-#[command(
-    after_help = "Every change from STOP to RUN sends the parameters to all CPs again.\n\nExamples:\n  ob1 ctl press stop\n  ob1 ctl \
-    press.toml warm"
-)]
-pub struct CtlArgs {
-    /// A running station: its name or its file
-    pub station: String,
-    /// What to do
-    pub action: Action,
-    /// Answers of status, timing and recorder as JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// What `ob1 ctl` does.
-#[derive(Clone, Copy, Debug)]
-pub enum Action {
-    /// Changes the operating state.
-    Command(Command),
-    /// Prints state and figures.
-    Status,
-    /// Prints the accounts of every scan.
-    Timing,
-    /// Prints the flight recorder.
-    Recorder,
-}
-
-impl ValueEnum for Action {
-    fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [Action; 10] = [
-            Action::Command(Command::Run),
-            Action::Command(Command::Stop),
-            Action::Command(Command::Warm),
-            Action::Command(Command::Keep),
-            Action::Command(Command::Cold),
-            Action::Command(Command::Hot),
-            Action::Command(Command::Reset),
-            Action::Status,
-            Action::Timing,
-            Action::Recorder,
-        ];
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (word, help) = match self {
-            Self::Command(command) => (
-                command.word(),
-                match command {
-                    Command::Run => "STOP to RUN by a warm restart; nothing in RUN",
-                    Command::Stop => "To STOP: outputs off",
-                    Command::Warm => "Warm restart: OB 100; M, T, Z cleared, data blocks kept",
-                    Command::Keep => "Warm restart that keeps all data blocks, whatever [retentive] says",
-                    Command::Cold => "Cold restart: OB 102 or OB 100; data blocks get their load values",
-                    Command::Hot => "Hot restart: OB 101; everything keeps its value (S7-400 only)",
-                    Command::Reset => "Memory reset: STOP, everything as after loading",
-                },
-            ),
-            Self::Status => ("status", "State, scan statistics, modules"),
-            Self::Timing => (
-                "timing",
-                "The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)",
-            ),
-            Self::Recorder => ("recorder", "The flight recorder: the scans up to the worst overrun, or up to now"),
-        };
-        Some(PossibleValue::new(word).help(help))
-    }
-}
-
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
         err!("ob1: {error}");
@@ -132,7 +62,9 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
 /// Prints values of cells.
 #[must_use]
 pub fn get(args: GetArgs) -> Exit {
-    let values = match ask(&args.station, Op::Get { items: args.items }) {
+    let (names, forms): (Vec<&str>, Vec<Form>) = args.items.iter().map(|item| Form::split(item)).unzip();
+    let items = names.into_iter().map(str::to_owned).collect();
+    let values = match ask(&args.station, Op::Get { items }) {
         Ok(response) => response.values.unwrap_or_default(),
         Err(exit) => return exit,
     };
@@ -140,9 +72,11 @@ pub fn get(args: GetArgs) -> Exit {
         return print_json(&values);
     }
     let width = values.iter().map(|v| v.item.chars().count()).max().unwrap_or(0);
-    for value in &values {
-        let hex = if value.type_name == "BOOL" { String::new() } else { format!("  16#{}", value.hex) };
-        let shown = Form::Plain.show(&value.value, &value.hex);
+    for (value, form) in values.iter().zip(forms.into_iter().chain(std::iter::repeat(Form::Plain))) {
+        // A number says more in hexadecimal, too; a text or a time does not.
+        let is_number = value.type_name != "BOOL" && form == Form::Plain && value.text.parse::<i64>().is_ok();
+        let hex = if is_number { format!("  16#{}", value.hex) } else { String::new() };
+        let shown = form.show(&value.text, &value.hex);
         say!("{:<width$}  {shown:>12}{hex}", value.item);
     }
     Exit::Ok
@@ -158,24 +92,17 @@ pub fn set(args: &SetArgs) -> Exit {
     ask(&args.station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
 }
 
-/// Changes the operating state, or prints what the station says of itself.
-#[must_use]
-pub fn ctl(args: &CtlArgs) -> Exit {
-    let (station, json) = (args.station.as_str(), args.json);
-    match args.action {
-        Action::Command(command) => ask(station, Op::Command { command }).map_or_else(|exit| exit, |_| Exit::Ok),
-        Action::Status => status(station, json),
-        Action::Timing => timing(station, json),
-        Action::Recorder => recorder(station, json),
-    }
-}
-
 /// Prints state and figures.
-fn status(station: &str, json: bool) -> Exit {
+pub(crate) fn status(station: &str, json: bool) -> Exit {
     match ask(station, Op::Status).map(|response| response.status) {
         Ok(Some(status)) if json => print_json(&status),
         Ok(Some(status)) => {
             print_status(&status);
+            if status.state == OperatingState::Stop.name()
+                && let Some(why) = ctl::why_stopped(station, 0)
+            {
+                say!("{why}");
+            }
             Exit::Ok
         }
         Ok(None) => Exit::Refused,
@@ -184,7 +111,7 @@ fn status(station: &str, json: bool) -> Exit {
 }
 
 /// Prints the accounts of every scan.
-fn timing(station: &str, json: bool) -> Exit {
+pub(crate) fn timing(station: &str, json: bool) -> Exit {
     match ask(station, Op::Timing { histograms: json }).map(|response| response.timing) {
         Ok(Some(timing)) if json => print_json(&timing),
         Ok(Some(timing)) => {
@@ -197,7 +124,7 @@ fn timing(station: &str, json: bool) -> Exit {
 }
 
 /// Prints the flight recorder.
-fn recorder(station: &str, json: bool) -> Exit {
+pub(crate) fn recorder(station: &str, json: bool) -> Exit {
     match ask(station, Op::Recorder).map(|response| response.recorder) {
         Ok(Some(recorder)) if json => print_json(&recorder),
         Ok(Some(recorder)) => {

@@ -41,6 +41,7 @@ pub mod retentive;
 pub mod run;
 pub mod rundir;
 pub mod simulated;
+pub mod source_view;
 pub mod sources;
 pub mod station_file;
 pub mod timing;

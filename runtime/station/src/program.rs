@@ -39,6 +39,8 @@ pub struct Loaded {
     pub findings: Vec<Finding>,
     /// Blocks that have a name only, with the numbers they were given.
     pub numbers: Vec<Numbered>,
+    /// The set of mnemonics of most sources.
+    pub mnemonics: ob1_stl::Mnemonics,
 }
 
 /// Why they give no program.
@@ -111,8 +113,8 @@ impl Loaded {
     /// A compiled program with its plugins and the standard blocks chosen for it.
     #[must_use]
     pub fn new(compiled: Compiled, plugins: Plugins, chosen: &[Choice]) -> Self {
-        let Compiled { program, findings, numbers, demanded } = compiled;
-        Self { standard: in_use(&program, chosen, &demanded), program, plugins, findings, numbers }
+        let Compiled { program, findings, numbers, demanded, mnemonics } = compiled;
+        Self { standard: in_use(&program, chosen, &demanded), program, plugins, findings, numbers, mnemonics }
     }
 
     /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each of the
@@ -291,6 +293,8 @@ pub struct Compiled {
     pub numbers: Vec<Numbered>,
     /// Standard blocks that are called by name.
     pub demanded: Vec<Choice>,
+    /// The set of mnemonics of most sources.
+    pub mnemonics: ob1_stl::Mnemonics,
 }
 
 /// Findings that are shown of one file, and of all.
@@ -385,7 +389,8 @@ pub fn compile_texts(
         findings.extend(numbers::write(path, &options.kept, &output.numbers));
     }
     let demanded = output.demanded.iter().filter_map(demanded_choice).collect();
-    Ok(Compiled { program: output.program, findings, numbers: output.numbers, demanded })
+    let mnemonics = ob1_stl::most(&output.mnemonics);
+    Ok(Compiled { program: output.program, findings, numbers: output.numbers, demanded, mnemonics })
 }
 
 /// A standard block that a program calls by its name.

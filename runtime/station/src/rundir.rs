@@ -98,6 +98,29 @@ pub fn find(name: &str) -> Option<PathBuf> {
     bases().into_iter().map(|base| base.join(name)).find(|dir| dir.join(SOCKET).exists())
 }
 
+/// The stations that run, by name, each with its directory: of two bases the first counts, as for [`find`].
+#[must_use]
+pub fn running() -> Vec<(String, PathBuf)> {
+    let mut all = std::collections::BTreeMap::new();
+    for base in bases() {
+        for entry in fs::read_dir(base).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if let Ok(name) = entry.file_name().into_string()
+                && path.join(SOCKET).exists()
+            {
+                all.entry(name).or_insert(path);
+            }
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// The directories that are looked into, in words.
+#[must_use]
+pub fn listed() -> String {
+    bases().iter().map(|base| base.display().to_string()).collect::<Vec<_>>().join(", ")
+}
+
 /// The runtime directory, owned. Dropping it removes it.
 #[derive(Debug)]
 pub struct RunDir {

@@ -49,12 +49,16 @@ fn the_page_shows_the_station() {
     let program = visitor.get("/api/program").json();
     assert!(program["blocks"].as_array().is_some_and(|all| all.iter().any(|block| block["id"] == "FC 1")), "{program}");
     let code = visitor.get("/api/block?id=FC%201").json();
-    assert!(code["statements"].as_array().is_some_and(|all| all.len() > 10), "{code}");
+    let lines = code["lines"].as_array().expect("the lines of the source");
+    assert!(lines.len() > 10 && code["source"].as_str().is_some_and(|file| file.ends_with("plant.awl")), "{code}");
+    assert!(lines[0][2].as_str().is_some_and(|line| line.starts_with("FUNCTION FC 1")), "{code}");
     let data = visitor.get("/api/block?id=DB%2010").json();
     let rows = data["components"].as_array().expect("declarations");
     assert!(rows.contains(&json!(["motor.running", "BOOL", "34.0", "DB10.motor.running"])), "{data}");
     let uses = visitor.get("/api/xref?operand=mistake").json();
-    assert!(uses["operands"].as_object().is_some_and(|all| all.len() == 1), "{uses}");
+    assert!(uses["uses"].as_array().is_some_and(|all| !all.is_empty()), "{uses}");
+    let unknown = visitor.get("/api/xref?operand=mistak");
+    assert!(unknown.status == 404 && unknown.body.contains("Did you mean \"mistake\"?"), "{}", unknown.body);
     assert_eq!(visitor.get("/api/block?id=FC%2099").status, 404);
     assert_eq!(visitor.get("/../../etc/passwd").status, 404);
 

@@ -93,9 +93,10 @@ pub(super) fn noted(notation: Notation, value: u32) -> Option<String> {
         Notation::S5Time => {
             let ms = S5Time(word?).to_ms()?;
             // The same time in another base is another word.
-            (S5Time::from_ms(ms) == word.map(S5Time)).then(|| format!("S5T#{}MS", ms))?
+            (S5Time::from_ms(ms) == word.map(S5Time))
+                .then(|| format!("S5T#{}", time::written_duration(i64::from(ms))))?
         }
-        Notation::Time => format!("T#{}MS", value as i32),
+        Notation::Time => format!("T#{}", time::written_duration(i64::from(value as i32))),
         Notation::TimeOfDay => format!("TOD#{}", time::written_time_of_day(value)?),
         Notation::Pointer => return None,
     })

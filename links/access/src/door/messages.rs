@@ -120,6 +120,8 @@ pub enum Document {
     Buffers,
     /// `links`: each link and whether its process is up.
     Links,
+    /// The blocks as a person reads them, with the set of mnemonics.
+    Sources,
 }
 
 /// An answer of the broker.

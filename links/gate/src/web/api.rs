@@ -9,10 +9,10 @@ use std::time::Duration;
 use hyper::StatusCode;
 use hyper::body::Bytes;
 use hyper::header::{HeaderMap, HeaderValue, SET_COOKIE};
+use ob1_access::Right;
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document};
-use ob1_access::{Put, Right, value};
 use ob1_gate_core::{Client, LoginError, Source, Trouble, Who};
-use ob1_model::{DataType, Event, StateChange};
+use ob1_model::{Event, StateChange};
 use rustix::fs::OFlags;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -195,16 +195,7 @@ impl Page {
             Ok(catalog) => catalog,
             Err(why) => return trouble(&why),
         };
-        let puts = catalog.names.typed(&item).and_then(|typed| match (&typed.ty, &value) {
-            (DataType::String(_), Value::String(text)) => {
-                let text = ob1_access::Datum::Text(text.clone());
-                typed.puts(&text).map_err(|why| format!("{item}: {why}"))
-            }
-            _ => {
-                let item = catalog.names.parse(&item)?;
-                Ok(vec![Put::Value(item.cell, item.width, value::from_json(&item, &value)?)])
-            }
-        });
+        let puts = catalog.names.typed(&item).and_then(|typed| typed.puts_of(&value));
         let puts = match puts {
             Ok(puts) => puts,
             Err(why) => return plain(StatusCode::UNPROCESSABLE_ENTITY, why),

@@ -1,13 +1,15 @@
 //! The program: its blocks, their statements, declarations of data blocks, and cross references.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use hyper::StatusCode;
+use ob1_access::door::Document;
 use ob1_access::{Allowed, Cell};
-use ob1_gate_core::{Catalog, Station};
+use ob1_gate_core::{Catalog, Station, Trouble};
 use ob1_ir::{CodeBlock, DataBlock, DataKind};
 use ob1_model::{BitAddr, DataType};
+use ob1_stl::{CrossReference, Library, Match, Mnemonics, Reference, Unknown, in_set};
 use serde_json::{Value, json};
 
 use super::api::{send, trouble};
@@ -75,10 +77,13 @@ pub(super) async fn block(station: &Station, allowed: &Allowed, asked: &str) -> 
         return hidden();
     }
     if let Some(block) = program.blocks.iter().find(|block| block.id.to_string() == id) {
-        let statement = |stmt: &ob1_ir::Stmt| json!([stmt.network, stmt.line, stmt.op.to_string()]);
+        let sources = match sources(station).await {
+            Ok(sources) => sources,
+            Err(why) => return trouble(&why),
+        };
         return send(&json!({
-            "id": id, "name": block.name, "source": program.sources.get(block.source as usize),
-            "statements": block.code.iter().map(statement).collect::<Vec<_>>(),
+            "id": id, "name": block.name, "source": sources["blocks"][&id]["file"],
+            "lines": sources["blocks"][&id]["lines"],
         }));
     }
     match number.and_then(|number: u16| program.data.iter().find(|block| block.number == number)) {
@@ -90,6 +95,15 @@ pub(super) async fn block(station: &Station, allowed: &Allowed, asked: &str) -> 
         }
         None => plain(StatusCode::NOT_FOUND, "there is no such block"),
     }
+}
+
+/// How old the lines of the program may be: it changes with a download only.
+const SOURCES: Duration = Duration::from_secs(10);
+
+/// The blocks as their sources have them.
+async fn sources(station: &Station) -> Result<Value, Trouble> {
+    let text = station.document(Document::Sources, SOURCES).await?;
+    serde_json::from_slice(&text).map_err(|error| Trouble::Program(error.to_string()))
 }
 
 /// A declaration, and the members of a structure below it.
@@ -105,42 +119,40 @@ fn rows(db: u16, path: &str, at: BitAddr, ty: &DataType) -> Vec<Value> {
     all
 }
 
-/// `?operand=MW 10`: its readers and writers; a part of the name or symbol is enough.
+/// `?operand=MW 10`: what reaches an operand in either set of mnemonics, a symbol, a component, a block or a part.
 pub(super) async fn xref(station: &Station, allowed: &Allowed, asked: &str) -> Reply {
     if !allowed.has_program() {
         return hidden();
     }
-    let catalog = match station.catalog().await {
-        Ok(catalog) => catalog,
-        Err(why) => return trouble(&why),
+    let (catalog, sources) = match (station.catalog().await, sources(station).await) {
+        (Ok(catalog), Ok(sources)) => (catalog, sources),
+        (Err(why), _) | (_, Err(why)) => return trouble(&why),
     };
+    let set = if sources["mnemonics"] == "en" { Mnemonics::International } else { Mnemonics::German };
     let wanted = query(asked, "operand").unwrap_or_default();
-    match tokio::task::spawn_blocking(move || references(&catalog, &wanted)).await {
-        Ok(found) => send(&found),
+    match tokio::task::spawn_blocking(move || references(&catalog, &wanted, set)).await {
+        Ok(Ok(found)) => send(&found),
+        Ok(Err(unknown)) => plain(StatusCode::NOT_FOUND, format!("{unknown}. {}", unknown.remedy)),
         Err(error) => plain(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
 
-fn references(catalog: &Arc<Catalog>, wanted: &str) -> Value {
-    let plain = |text: &str| text.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_uppercase();
-    let wanted = plain(wanted);
-    let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::new();
-    let mut count = 0;
-    for reference in ob1_stl::xref(&catalog.program) {
-        let symbol = reference.symbol.clone().unwrap_or_default();
-        if !plain(&reference.operand).contains(&wanted) && !plain(&symbol).contains(&wanted) {
-            continue;
-        }
-        count += 1;
-        if count > REFERENCES {
-            break;
-        }
-        let name =
-            if symbol.is_empty() { reference.operand.clone() } else { format!("{} \"{symbol}\"", reference.operand) };
-        let place = json!([reference.block.to_string(), reference.network, reference.line, reference.access.name()]);
-        found.entry(name).or_default().push(place);
-    }
-    json!({ "more": count > REFERENCES, "operands": found })
+fn references(catalog: &Arc<Catalog>, wanted: &str, set: Mnemonics) -> Result<Value, Unknown> {
+    let all = CrossReference::new(&catalog.program, &Library::new());
+    let uses = all.find(wanted)?;
+    let symbol = |symbol: &Option<String>| symbol.as_ref().map(|s| format!(" \"{s}\"")).unwrap_or_default();
+    // Those that are certain first: of the others there may be many.
+    let mut found = uses.found;
+    found.sort_by_key(|(how, _)| *how == Match::Possible);
+    let row = |(how, reference): &(Match, &Reference)| {
+        let name = format!("{}{}", reference.operand_in(set), symbol(&reference.symbol));
+        let (network, line) = (reference.network, reference.line);
+        let possible = *how == Match::Possible;
+        json!([name, reference.block.to_string(), network, line, reference.access.name(), reference.via, possible])
+    };
+    let rows: Vec<Value> = found.iter().take(REFERENCES).map(row).collect();
+    let operand = format!("{}{}", in_set(&uses.operand, set), symbol(&uses.symbol));
+    Ok(json!({ "operand": operand, "more": found.len() > REFERENCES, "uses": rows }))
 }
 
 #[cfg(test)]

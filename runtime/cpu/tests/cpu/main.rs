@@ -40,3 +40,4 @@ mod system_status;
 mod tia;
 mod timers;
 mod walk;
+mod why;

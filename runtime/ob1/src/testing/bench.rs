@@ -237,5 +237,6 @@ pub(super) fn loaded(program: Program, of: &Loaded) -> Loaded {
         standard: of.standard.clone(),
         findings: Vec::new(),
         numbers: Vec::new(),
+        mnemonics: of.mnemonics,
     }
 }

@@ -4,12 +4,11 @@ use std::ops::Range;
 
 use ob1_cpu::{Cell, Cpu, Width};
 use ob1_ir::Program;
-use ob1_model::{Area, Component, DataType};
+use ob1_model::{Area, DataType, S5Time};
 
 use super::file::{Cells, Placed};
 use super::harness::Harness;
-use ob1_access::value;
-use ob1_access::{Item, Names, Reading};
+use ob1_access::{Datum, Item, Names, Reading, Typed, text, value};
 use ob1_station::station_file::findings::{Findings, VALUE};
 use ob1_station::station_file::parse_duration;
 
@@ -35,8 +34,8 @@ enum Place {
     Cell(Item),
     /// Process outputs as the modules have them, by byte.
     Output(Item, u32),
-    /// A STRING in a data block, by byte.
-    Text(u16, usize),
+    /// What is more than a single value, in a data block: a STRING, a DATE_AND_TIME.
+    Block(Typed),
 }
 
 #[derive(Clone, Debug)]
@@ -45,7 +44,7 @@ enum Wanted {
     Near(f64, f64),
     /// A timer's remaining time, in milliseconds.
     Remaining(u64),
-    Text(String),
+    Datum(Datum),
 }
 
 /// Process outputs, as the bench holds them.
@@ -55,10 +54,11 @@ impl Expect {
     /// What is wrong, or `None`: expected and found.
     pub(super) fn look(&self, cpu: &mut Cpu, outputs: Outputs<'_>) -> Option<(String, String)> {
         let (found, right) = match &self.place {
-            Place::Text(db, at) => {
-                let found = cpu.data_block(*db).and_then(|bytes| string_at(bytes, *at)).unwrap_or_default();
-                let right = matches!(&self.wanted, Wanted::Text(text) if *text == found);
-                (format!("'{found}'"), right)
+            Place::Block(typed) => {
+                let found = in_block(cpu, typed);
+                let right = matches!((&self.wanted, &found), (Wanted::Datum(wanted), Some(found)) if wanted == found);
+                let text = found.map_or_else(|| "nothing".to_owned(), |found| text::text(&typed.ty, &found));
+                (text, right)
             }
             Place::Cell(item) => match cpu.read(item.cell, item.width) {
                 Ok(bits) => self.judge(item, bits),
@@ -80,47 +80,38 @@ impl Expect {
             Wanted::Bits(wanted) => (show(item, bits), *wanted == bits),
             Wanted::Near(value, within) => (show(item, bits), (number() - value).abs() <= *within),
             Wanted::Remaining(ms) => {
-                let found = remaining_ms(bits);
-                (format!("{found} ms"), found == *ms)
+                (show(item, bits), S5Time(bits as u16).to_ms().is_some_and(|found| u64::from(found) == *ms))
             }
-            Wanted::Text(_) => (show(item, bits), false),
+            Wanted::Datum(_) => (show(item, bits), false),
         }
     }
 
     fn wanted_text(&self) -> String {
         match (&self.wanted, &self.place) {
             (Wanted::Bits(bits), Place::Cell(item) | Place::Output(item, _)) => show(item, *bits),
-            (Wanted::Bits(bits), Place::Text(..)) => bits.to_string(),
+            (Wanted::Bits(bits), Place::Block(_)) => bits.to_string(),
             (Wanted::Near(value, within), _) => format!("{value} within {within}"),
-            (Wanted::Remaining(ms), _) => format!("{ms} ms"),
-            (Wanted::Text(text), _) => format!("'{text}'"),
+            (Wanted::Remaining(ms), _) => format!("S5T#{}", ob1_stl::duration_text(*ms as i64)),
+            (Wanted::Datum(datum), Place::Block(typed)) => text::text(&typed.ty, datum),
+            (Wanted::Datum(datum), _) => datum.to_string(),
         }
     }
 }
 
 /// As STL people read it: the value, and hexadecimal where that says more.
 fn show(item: &Item, bits: u32) -> String {
-    let value = value::to_json(item, bits);
-    match item.reading {
-        Reading::Unsigned => {
-            let digits = usize::from(item.width.bits()).div_ceil(4);
-            format!("{value} (16#{bits:0digits$X})")
-        }
-        _ => value.to_string(),
+    let value = text::of_bits(item, bits);
+    match item.ty {
+        DataType::Bool => (bits & 1 == 1).to_string(),
+        DataType::Byte | DataType::Word | DataType::DWord => format!("{value} (16#{})", value::to_hex(item, bits)),
+        _ => value,
     }
 }
 
-/// Milliseconds of an S5TIME.
-fn remaining_ms(bits: u32) -> u64 {
-    let digit = |shift: u32| u64::from(bits >> shift & 0xF);
-    (digit(8) * 100 + digit(4) * 10 + digit(0)) * 10u64.pow(1 + (bits >> 12 & 3))
-}
-
-/// The text of a STRING at a byte of a data block.
-fn string_at(bytes: &[u8], at: usize) -> Option<String> {
-    let len = usize::from(*bytes.get(at + 1)?);
-    let text = bytes.get(at + 2..)?;
-    Some(text.get(..len).unwrap_or(text).iter().map(|byte| char::from(*byte)).collect())
+/// The value of a place in a data block.
+fn in_block(cpu: &mut Cpu, typed: &Typed) -> Option<Datum> {
+    let Cell::Db(db, bit) = typed.cell else { return None };
+    typed.value(cpu.data_block(db)?.get((bit / 8) as usize..)?)
 }
 
 /// Resolves the names of one test.
@@ -169,8 +160,13 @@ impl Resolver<'_> {
     }
 
     fn expect(&self, name: &str, value: &toml::Value) -> Result<(Place, Wanted), String> {
-        if let (Some((db, byte)), toml::Value::String(text)) = (self.string(&self.full_name(name)), value) {
-            return Ok((Place::Text(db, byte), Wanted::Text(text.clone())));
+        if let Ok(typed) = self.names.typed(&self.full_name(name))
+            && Item::of(&typed).is_none()
+            && typed.has_value()
+            && matches!(typed.cell, Cell::Db(..))
+        {
+            let datum = typed.datum_of(&json(name, value)?)?;
+            return Ok((Place::Block(typed), Wanted::Datum(datum)));
         }
         let mut item = self.item(name)?;
         let is_timer = matches!(item.cell, Cell::Timer(_));
@@ -179,8 +175,12 @@ impl Resolver<'_> {
                 (item.width, item.reading) = (Width::Bit, Reading::Bool);
                 Wanted::Bits(u32::from(*bit))
             }
-            toml::Value::String(text) if is_timer && parse_duration(text).is_ok() => {
+            toml::Value::String(text) if item.ty == DataType::S5Time && parse_duration(text).is_ok() => {
                 Wanted::Remaining(parse_duration(text)?.millis())
+            }
+            // The same time may be kept in another base.
+            toml::Value::String(text) if item.ty == DataType::S5Time && text.contains('#') && !text.contains("16#") => {
+                Wanted::Remaining(S5Time(bits(&item, value)? as u16).to_ms().unwrap_or_default().into())
             }
             toml::Value::Table(table) => near(table)?,
             other => Wanted::Bits(bits(&item, other)?),
@@ -193,18 +193,6 @@ impl Resolver<'_> {
             _ => Place::Cell(item),
         };
         Ok((place, wanted))
-    }
-
-    /// The data block and byte of a STRING.
-    fn string(&self, name: &str) -> Option<(u16, usize)> {
-        let (block, path) = name.split_once('.')?;
-        let number = |db: &&ob1_ir::DataBlock| {
-            let named = db.name.as_deref().is_some_and(|n| n.eq_ignore_ascii_case(block.trim_matches('"')));
-            named || format!("DB{}", db.number).eq_ignore_ascii_case(&block.replace(' ', ""))
-        };
-        let db = self.program.data.iter().find(number)?;
-        let component = Component::find(&db.components, path)?;
-        matches!(component.ty, DataType::String(_)).then_some((db.number, (component.at.0 / 8) as usize))
     }
 }
 
@@ -222,14 +210,24 @@ fn near(table: &toml::Table) -> Result<Wanted, String> {
 }
 
 fn bits(item: &Item, value: &toml::Value) -> Result<u32, String> {
-    let json = match value {
+    if let toml::Value::String(text) = value
+        && let (DataType::S5Time | DataType::Time, Ok(time)) = (&item.ty, parse_duration(text))
+    {
+        let short = || text::s5time(time.millis()).ok_or_else(|| format!("{text} is longer than an S5TIME can be"));
+        let long = || u32::try_from(time.millis()).map_err(|_| format!("{text} is longer than a TIME can be"));
+        return if item.ty == DataType::Time { long() } else { short() };
+    }
+    value::from_json(item, &json(&item.name, value)?)
+}
+
+fn json(name: &str, value: &toml::Value) -> Result<serde_json::Value, String> {
+    Ok(match value {
         toml::Value::Boolean(bit) => serde_json::Value::from(*bit),
         toml::Value::Integer(number) => serde_json::Value::from(*number),
         toml::Value::Float(number) => serde_json::Value::from(*number),
         toml::Value::String(text) => serde_json::Value::from(text.as_str()),
-        other => return Err(format!("a {} is not a value for {}", other.type_str(), item.name)),
-    };
-    value::from_json(item, &json)
+        other => return Err(format!("a {} is not a value for {name}", other.type_str())),
+    })
 }
 
 fn wrong(f: &mut Findings<'_>, name: &Placed<String>, value: &Placed<toml::Value>, message: String) {

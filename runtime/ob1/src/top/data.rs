@@ -198,7 +198,13 @@ pub(super) mod tests {
                 "driver": {"pid": 43, "starts": 1, "losses": 0, "state": "ready"},
                 "counters": {"telegrams_sent": scans / 100, "telegrams_received": scans / 200, "orders_accepted": scans / 100 + 1}}],
             "posture": [], "memory": {"resident_kib": 6500, "peak_kib": 6600, "locked_kib": 0, "threads": 7}});
-        let value = CellValue { item: "MW10".into(), type_name: "WORD".into(), value: json!(258), hex: "0102".into() };
+        let value = CellValue {
+            item: "MW10".into(),
+            type_name: "WORD".into(),
+            value: json!(258),
+            hex: "0102".into(),
+            text: "258".into(),
+        };
         Look {
             status: serde_json::from_value(status).expect("a status"),
             timing: serde_json::from_value(timing).expect("accounts"),

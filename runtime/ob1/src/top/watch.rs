@@ -21,6 +21,6 @@ impl Watched {
 
     /// A value in this form.
     pub(super) fn show(&self, cell: &CellValue) -> String {
-        self.form.show(&cell.value, &cell.hex)
+        self.form.show(&cell.text, &cell.hex)
     }
 }

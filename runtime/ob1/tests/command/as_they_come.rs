@@ -76,13 +76,13 @@ fn numbers_stay_when_a_source_is_added() {
     write(folder.path(), "plant/new.db", "DATA_BLOCK \"A\"\nSTRUCT\n x : INT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n");
     let second = text(&ob1(folder.path(), &["check", "s.toml"]));
     assert!(second.contains("\"A\" = DB 1001") && second.contains("\"Pump_1\" = DB 1000"), "{second}");
-    let listing = text(&ob1(folder.path(), &["check", "s.toml", "--listing"]));
+    let listing = text(&ob1(folder.path(), &["check", "s.toml", "--compiled"]));
     assert!(
         listing.contains("DB 1000    \"Pump_1\"") && listing.contains("DB 1000 \"Pump_1\", instance of FB 1000"),
         "{listing}"
     );
     write(folder.path(), "s.toml", &format!("{station}numbers = {{ \"Pump\" = \"FB 35\" }}\n"));
-    let fixed = text(&ob1(folder.path(), &["check", "s.toml", "--listing"]));
+    let fixed = text(&ob1(folder.path(), &["check", "s.toml", "--compiled"]));
     assert!(fixed.contains("FB 35 \"Pump\"") && fixed.contains("DB 1000 \"Pump_1\", instance of FB 35"), "{fixed}");
     write(folder.path(), "s.numbers", "\"Pump\" = \"MW 5\"\n");
     let broken = ob1(folder.path(), &["check", "s.toml"]);

@@ -127,8 +127,11 @@ fn a_missing_stimulus_is_told_at_the_line_that_names_it() {
 #[test]
 fn a_reference_that_is_not_there_is_told() {
     let output = ob1(&["xref", "traffic-light/traffic-light.awl", "--operand", "MW 999"]);
-    assert_eq!((output.status.code(), text(&output).as_str()), (Some(0), ""));
-    assert_eq!(String::from_utf8_lossy(&output.stderr), "ob1: no statement uses MW 999\n");
+    assert_eq!((output.status.code(), text(&output).as_str()), (Some(0), "no statement uses MW 999 by its address\n"));
+    let output = ob1(&["xref", "web/station.toml", "--operand", "mistak"]);
+    assert_eq!((output.status.code(), text(&output).as_str()), (Some(1), ""));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("error C021: ") && said.contains("Did you mean \"mistake\"?"), "{said}");
 }
 
 #[test]
@@ -141,7 +144,7 @@ fn an_option_for_sources_is_refused_with_a_station_file() {
         ("check", "--numbers", "nosuch.numbers"),
         ("check", "--library-source", "nosuch.awl"),
         ("xref", "--symbols", "nosuch.sdf"),
-        ("xref", "--mnemonics", "de"),
+        ("xref", "--plugin", "nosuch"),
     ] {
         let output = ob1(&[command, "traffic-light/station.toml", option, value]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
@@ -153,7 +156,7 @@ fn an_option_for_sources_is_refused_with_a_station_file() {
 #[test]
 fn a_listing_has_blocks_and_layouts() {
     for file in ["traffic-light/station.toml", "traffic-light/traffic-light.awl"] {
-        let listing = ob1(&["check", file, "--listing"]);
+        let listing = ob1(&["check", file, "--compiled"]);
         assert_eq!(listing.status.code(), Some(0), "{listing:?}");
         let listing = text(&listing);
         for part in ["OB 100", "FC 2", "LAMPS", "CROSSINGS", "ok"] {
@@ -166,7 +169,7 @@ fn a_listing_has_blocks_and_layouts() {
 #[test]
 fn a_listing_shows_machine_code() {
     for file in ["traffic-light/station.toml", "traffic-light/traffic-light.awl"] {
-        let listing = ob1(&["check", file, "--listing", "--native"]);
+        let listing = ob1(&["check", file, "--compiled", "--native"]);
         assert_eq!(listing.status.code(), Some(0), "{listing:?}");
         let listing = text(&listing);
         let is_head = |line: &&str| line.starts_with("FC 2: ") && line.contains("bytes of machine code");
@@ -182,7 +185,11 @@ fn a_listing_shows_machine_code() {
         let lines: Vec<&str> = listing.lines().collect();
         assert!(lines.windows(2).filter(|pair| below(pair)).count() > 10, "{listing}");
     }
-    assert_eq!(ob1(&["check", "traffic-light/station.toml", "--native"]).status.code(), Some(1), "with --listing only");
+    assert_eq!(
+        ob1(&["check", "traffic-light/station.toml", "--native"]).status.code(),
+        Some(1),
+        "with --compiled only"
+    );
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
-use ob1_access::{Cell, Piece, Put, Width};
+use ob1_access::{Piece, Put};
 use ob1_cpu::GROUP_ENTRIES;
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags};
@@ -26,9 +26,6 @@ const TICK: Duration = Duration::from_secs(1);
 /// Longest wait for a program to be compiled and taken over.
 const LOAD_TIME: Span = Span::from_secs(55);
 
-/// A cell and how much of it.
-pub(super) type Wanted = (Cell, Width);
-
 /// A request under way.
 pub(super) struct Pending {
     client: u32,
@@ -38,10 +35,10 @@ pub(super) struct Pending {
 }
 
 enum Work {
-    /// The bits of cells, all of one cycle control point after `seen`.
+    /// The bytes of pieces, all of one cycle control point after `seen`.
     Read {
-        wanted: Vec<Wanted>,
-        values: Vec<Result<u32, Refusal>>,
+        wanted: Vec<Piece>,
+        values: Vec<Result<Box<[u8]>, Refusal>>,
         part: usize,
         seen: u64,
     },
@@ -57,8 +54,8 @@ enum Work {
 
 /// How a request ended.
 pub(super) enum Outcome {
-    /// The bits, or why there are none, cell by cell.
-    Read(Vec<Result<u32, Refusal>>),
+    /// The bytes, or why there are none, piece by piece.
+    Read(Vec<Result<Box<[u8]>, Refusal>>),
     /// The error names the entry. A read after this sees what was written.
     Written(Result<(), (usize, Refusal)>),
     Answer(Answer),
@@ -125,8 +122,8 @@ impl Control {
         self.news.extend(std::iter::from_fn(|| self.door.take_news()));
     }
 
-    /// The bits of these cells.
-    pub(super) fn read(&self, client: u32, wanted: Vec<Wanted>) -> Pending {
+    /// The bytes of these pieces.
+    pub(super) fn read(&self, client: u32, wanted: Vec<Piece>) -> Pending {
         // The snapshot that is there already may be old.
         let (part, seen) = (wanted.len(), self.door.newest_scan());
         let values = Vec::with_capacity(part);
@@ -190,8 +187,8 @@ impl Control {
 
     fn go_on_reading(
         &mut self,
-        wanted: &[Wanted],
-        values: &mut Vec<Result<u32, Refusal>>,
+        wanted: &[Piece],
+        values: &mut Vec<Result<Box<[u8]>, Refusal>>,
         part: &mut usize,
         seen: &mut u64,
         may_read: &mut bool,
@@ -202,11 +199,9 @@ impl Control {
                 return Some(Ok(Outcome::Read(std::mem::take(values))));
             }
             *part = (*part).clamp(1, rest.len());
-            let pieces: Vec<Piece> = rest.iter().take(*part).map(|(cell, width)| piece(*cell, *width)).collect();
-            match self.door.read(&pieces, &mut self.reading) {
+            match self.door.read(rest.get(..*part).unwrap_or_default(), &mut self.reading) {
                 Ok(()) if self.reading.scan > *seen => {
-                    let value = |(index, wanted)| value_of(&self.reading, index, wanted);
-                    values.extend(rest.iter().take(*part).enumerate().map(value));
+                    values.extend((0..*part).map(|index| self.reading.piece(index).map(Into::into)));
                     *seen = self.reading.scan;
                 }
                 Ok(()) | Err(NotYet::Busy) => return None,
@@ -259,20 +254,5 @@ impl Control {
             Answer::Refused(why) => Err(why.to_string()),
             answer => Ok(Outcome::Answer(answer.clone())),
         })
-    }
-}
-
-fn value_of(reading: &Reading, index: usize, (cell, width): &Wanted) -> Result<u32, Refusal> {
-    let value = reading.value(index)?;
-    // A bit in memory comes with its byte.
-    let bit = *width == Width::Bit && cell.block().is_some();
-    Ok(if bit { value >> (cell.bit() % 8) & 1 } else { value })
-}
-
-/// The bytes a cell lies in, or its value.
-fn piece(cell: Cell, width: Width) -> Piece {
-    match cell.block() {
-        Some(_) => Piece::Bytes { at: cell.at_bit(cell.byte() * 8), len: width.bytes() },
-        None => Piece::Value(cell, width),
     }
 }

@@ -15,12 +15,14 @@ use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_mc7::{BlockImage, MachineBlock, Segments, addresses, decode};
 use ob1_model::{BlockId, CodeAddress, Forced};
-use ob1_time::Span;
+use ob1_time::{Instant, Span};
 
+use crate::access::pass;
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
 use crate::files;
 use crate::known::KnownProgram;
+use crate::source_view::{self, SourceView};
 use crate::station_file::Station;
 use crate::view::StationView;
 use crate::wall_clock::unix_now;
@@ -138,6 +140,14 @@ fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
     serde_json::to_string(what).map(Some)
 }
 
+impl StationFacts {
+    fn sources(&self) -> SourceView {
+        let known = self.view.known.get();
+        let started = self.view.unix_at(Instant::START);
+        source_view::view(&known.program, &known.library, &|file| pass::source(file, started), None)
+    }
+}
+
 impl Facts for StationFacts {
     fn name(&self) -> &str {
         &self.view.name
@@ -220,6 +230,7 @@ impl Facts for StationFacts {
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
         let text = match which {
             Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),
+            Document::Sources => json(&self.sources()),
             Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),

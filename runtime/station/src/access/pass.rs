@@ -241,7 +241,7 @@ fn changed(id: BlockId) -> String {
 }
 
 /// The text of a source, if it is as it was when the program was loaded.
-fn source(file: &str, started: u64) -> Option<Source> {
+pub(super) fn source(file: &str, started: u64) -> Option<Source> {
     let path = Path::new(file);
     let modified = std::fs::metadata(path).ok()?.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     if modified.as_nanos() > u128::from(started) {

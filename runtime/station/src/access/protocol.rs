@@ -278,10 +278,13 @@ pub struct CellValue {
     /// Its S7 type.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// A boolean for a bit, else a number.
+    /// A boolean for a bit, a number, or what the type has in JSON.
     pub value: Value,
     /// The bits in hexadecimal.
     pub hex: String,
+    /// As STL writes it: `S5T#1S500MS`, `'ABC'`.
+    #[serde(default)]
+    pub text: String,
 }
 
 /// A running station. Also the station part of a report.

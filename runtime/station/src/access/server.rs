@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
-use ob1_access::{Item, Put, value};
+use ob1_access::{Item, Piece, Typed, value};
 use ob1_cpu::Family;
 use ob1_model::{Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
 use ob1_rt::SideThread;
@@ -68,7 +68,11 @@ struct UnderWay {
 
 /// What happens to the answer.
 enum Then {
-    Values(Vec<Item>),
+    /// `all`: nobody has named them.
+    Values {
+        items: Vec<Typed>,
+        all: bool,
+    },
     Written(Vec<String>),
     Done,
     Status,
@@ -146,16 +150,19 @@ impl Serving {
         let known = self.view.known.get();
         match op {
             Op::Get { items } => {
-                let items: Vec<Item> = items.iter().map(|name| known.names.parse(name)).collect::<Result<_, _>>()?;
-                let wanted = items.iter().map(|item| (item.cell, item.width)).collect();
-                return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values(items)));
+                let all = items.is_empty();
+                let items = if all { symbols(&known) } else { typed(&known, &items)? };
+                let wanted = items.iter().map(|(_, piece)| *piece).collect();
+                let items = items.into_iter().map(|(typed, _)| typed).collect();
+                return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values { items, all }));
             }
             Op::Set { items } => {
                 let (mut names, mut puts) = (Vec::with_capacity(items.len()), Vec::with_capacity(items.len()));
                 for (name, value) in items {
-                    let item = known.names.parse(&name)?;
-                    puts.push(Put::Value(item.cell, item.width, value::from_json(&item, &value)?));
-                    names.push(name);
+                    for put in known.names.typed(&name)?.puts_of(&value)? {
+                        puts.push(put);
+                        names.push(name.clone());
+                    }
                 }
                 return Ok(Begun::UnderWay(self.control.write(client, puts), Then::Written(names)));
             }
@@ -213,8 +220,10 @@ impl Serving {
     fn response(&self, outcome: Outcome, then: Then) -> Result<Response, String> {
         let mut response = Response::done(Value::Null);
         match (then, outcome) {
-            (Then::Values(items), Outcome::Read(values)) => {
+            (Then::Values { items, all }, Outcome::Read(values)) => {
                 let values = items.iter().zip(values).map(|(item, value)| cell_value(item, value));
+                // Of all symbols, those are left out whose module is not there.
+                let values = values.filter(|value| !all || value.is_ok());
                 response.values = Some(values.collect::<Result<_, _>>()?);
             }
             (Then::Written(names), Outcome::Written(Err((entry, error)))) => {
@@ -293,13 +302,36 @@ fn forced(known: &KnownProgram, name: &str, value: &Value) -> Result<Forced, Str
     Ok(Forced { area, bit: item.cell.bit(), width: item.width, value: value::from_json(&item, value)? })
 }
 
-fn cell_value(item: &Item, value: Result<u32, Refusal>) -> Result<CellValue, String> {
-    let bits = value.map_err(|error| format!("{}: {error}", item.name))?;
+/// Places by their names, each with what is read for it.
+fn typed(known: &KnownProgram, names: &[String]) -> Result<Vec<(Typed, Piece)>, String> {
+    let one = |name: &String| {
+        let typed = known.names.typed(name)?;
+        let piece = typed.piece();
+        piece.map(|piece| (typed, piece)).ok_or_else(|| format!("{name} is a structure, which is not a single value"))
+    };
+    names.iter().map(one).collect()
+}
+
+/// All symbols that have a value.
+fn symbols(known: &KnownProgram) -> Vec<(Typed, Piece)> {
+    let one = |symbol: &ob1_ir::Symbol| {
+        let typed = known.names.typed(&symbol.name).ok()?;
+        let piece = typed.piece()?;
+        Some((typed, piece))
+    };
+    known.names.symbols().iter().filter_map(one).collect()
+}
+
+fn cell_value(typed: &Typed, value: Result<Box<[u8]>, Refusal>) -> Result<CellValue, String> {
+    let bytes = value.map_err(|error| format!("{}: {error}", typed.name))?;
+    let single = Item::of(typed).zip(typed.bits(&bytes)).map(|(item, bits)| value::to_json(&item, bits));
+    let value = single.or_else(|| typed.value(&bytes).map(|datum| datum.json())).unwrap_or_default();
     Ok(CellValue {
-        item: item.name.clone(),
-        type_name: item.type_name.to_owned(),
-        value: value::to_json(item, bits),
-        hex: value::to_hex(item, bits),
+        item: typed.name.clone(),
+        type_name: typed.ty.name().to_owned(),
+        value,
+        hex: typed.hex(&bytes),
+        text: typed.text(&bytes),
     })
 }
 

@@ -46,6 +46,8 @@ pub const NOT_KEPT: &str = "C018";
 pub const EMPTY: &str = "C019";
 /// A key that has no effect with this module.
 pub const NO_EFFECT: &str = "C020";
+/// A name that a command was given and the program does not have.
+pub const UNKNOWN_NAME: &str = "C021";
 
 /// The finding about a file that cannot be read, at the place that names it.
 #[must_use]

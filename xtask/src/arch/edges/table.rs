@@ -42,6 +42,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-ir",
             "ob1-model",
             "ob1-socket",
+            // Values as constants of STL, and names that may be meant.
+            "ob1-stl",
             "ob1-words",
             "serde",
             "serde_json",

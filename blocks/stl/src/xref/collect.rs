@@ -1,7 +1,6 @@
-//! The cross-reference: who reads and writes what.
+//! Collects the uses of operands from the statements of a program.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use ob1_ir::{
     AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt,
@@ -9,88 +8,24 @@ use ob1_ir::{
 };
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
-use crate::library::Library;
+use super::extent::Extent;
+use super::open::Open;
+use super::{Access, Reference};
 use crate::names;
 use crate::symbols;
 use crate::words::Words;
 use crate::world::Symbolic;
 
-/// What a statement does to an operand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Access {
-    /// It reads.
-    Read,
-    /// It writes.
-    Write,
-    /// Both: edge bits, in/outs, parameters of blocks that are not known.
-    ReadWrite,
-    /// It calls the block.
-    Call,
-    /// It opens the data block, or runs a function block on it.
-    Open,
-}
-
-impl Access {
-    /// `R`, `W`, `RW`, `call`, `open`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Access::Read => "R",
-            Access::Write => "W",
-            Access::ReadWrite => "RW",
-            Access::Call => "call",
-            Access::Open => "open",
-        }
-    }
-}
-
-/// One use of an operand.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Reference {
-    /// Puts operands in the order of a cross-reference: E, A, M, peripheral, T, Z, DB, blocks, then what is indirect,
-    /// then the names of single blocks; by number and address within.
-    order: (u8, u32, u32, u8),
-    /// The operand in German mnemonics: `M 1.0`, `DB10.DBW 20`, `T 5`, `FC 9`; `FB 3 #speed` for a name of a block;
-    /// `DBW [MD 184]` where it is known at run time only.
-    pub operand: String,
-    /// Its symbol, or the component's name in a data block.
-    pub symbol: Option<String>,
-    /// The address is known at run time only.
-    pub indirect: bool,
-    /// Where: the block.
-    pub block: BlockId,
-    /// The network, from 1.
-    pub network: u16,
-    /// The line, from 1.
-    pub line: u32,
-    /// What is done.
-    pub access: Access,
-    /// The formal it is supplied to, for actual parameters: `FC 9.ANL`.
-    pub via: Option<String>,
-}
-
-/// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count
-/// as read and written; [`xref_with`] is more exact.
-#[must_use]
-pub fn xref(program: &Program) -> Vec<Reference> {
-    xref_with(program, &Library::new())
-}
-
-/// The cross-reference of a program that calls blocks of a library.
-#[must_use]
-pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
-    let interfaces: BTreeMap<BlockId, &Interface> = library
-        .iter()
-        .map(|(id, block)| (id, &block.interface))
-        .chain(program.blocks.iter().map(|b| (b.id, &b.interface)))
-        .collect();
+/// Every use in a program; `interfaces` are those of all blocks it calls.
+pub(super) fn collect(program: &Program, interfaces: &BTreeMap<BlockId, &Interface>) -> Vec<Reference> {
     let data = program.data.iter().map(|d| (d.number, d)).collect();
     let symbols = symbol_names(&program.symbols);
     let mut collector = Collector { data, interfaces, symbols, found: Vec::new() };
     for block in &program.blocks {
+        let open = Open::of(block);
         for (at, stmt) in block.code.iter().enumerate() {
             let through = reached(block.code.get(at.saturating_sub(2)..at).unwrap_or_default());
-            Seen { block, stmt, through, all: &mut collector }.statement();
+            Seen { block, stmt, through, open: open.at(at), all: &mut collector }.statement();
         }
     }
     let mut found = collector.found;
@@ -114,10 +49,16 @@ fn symbol_names(symbols: &[Symbol]) -> BTreeMap<String, String> {
 
 struct Collector<'c> {
     data: BTreeMap<u16, &'c DataBlock>,
-    interfaces: BTreeMap<BlockId, &'c Interface>,
+    interfaces: &'c BTreeMap<BlockId, &'c Interface>,
     symbols: BTreeMap<String, String>,
     found: Vec<Reference>,
 }
+
+/// The order of an operand, [`Reference::order`].
+type Order = (u8, u32, u32, u8);
+
+/// The name of an operand, and its symbol where that is no name of the symbol table.
+type Name = (String, Option<String>);
 
 const INDIRECT: u8 = 40;
 const LOCAL: u8 = 50;
@@ -128,6 +69,8 @@ struct Seen<'s, 'c> {
     stmt: &'c Stmt,
     /// The POINTER of a composed in/out that AR1 and the DB register come from.
     through: Option<BitAddr>,
+    /// The data blocks that are open for certain, in the DB and the DI register.
+    open: [Option<u16>; 2],
     all: &'s mut Collector<'c>,
 }
 
@@ -150,24 +93,26 @@ impl Seen<'_, '_> {
             }
             Op::OpenDb(_, n) => self.number("DB", 30, *n, Open, None),
             Op::Call(call) => self.call(call),
+            Op::LoadConst(bits) | Op::LoadArConst(_, bits) => self.pointer(*bits),
+            Op::LoadParamPointer { index, .. } | Op::LoadParamCopy { index, .. } => {
+                let place = Place::Param { index: *index, at: BitAddr(0) };
+                self.operand(Operand { width: Width::Byte, place }, Access::Point, None);
+            }
             _ => {}
         }
     }
 
-    fn add(
-        &mut self,
-        order: (u8, u32, u32, u8),
-        operand: String,
-        symbol: Option<String>,
-        access: Access,
-        via: Option<&str>,
-    ) {
+    fn add(&mut self, order: Order, (operand, symbol): Name, extent: Extent, access: Access, via: Option<&str>) {
         let symbol = symbol.or_else(|| self.all.symbols.get(&operand).cloned());
+        let assigns = matches!(self.stmt.op, Op::Assign(_) | Op::Transfer(_) | Op::TransferArTo(..) | Op::Call(_));
         self.all.found.push(Reference {
             order,
             operand,
             symbol,
+            extent,
             indirect: order.0 == INDIRECT,
+            source: self.block.source,
+            assigns: assigns && access == Access::Write,
             block: self.block.id,
             network: self.stmt.network,
             line: self.stmt.line,
@@ -187,68 +132,84 @@ impl Seen<'_, '_> {
 
     /// An operand with the size of what lies there: more than the operand's width for composed types.
     fn sized(&mut self, operand: Operand, bits: u32, access: Access, via: Option<&str>) {
-        let width = match operand.width {
-            Width::Bit => 0,
-            Width::Byte => 1,
-            Width::Word => 2,
-            Width::DWord => 3,
-        };
+        let width = width_order(operand.width);
         let text = operand.to_string();
         let id = self.block.id;
-        let named = |name: Option<String>| name.map_or_else(|| format!("{id} {text}"), |name| format!("{id} {name}"));
+        let named =
+            |name: Option<String>| (name.map_or_else(|| format!("{id} {text}"), |name| format!("{id} {name}")), None);
         let whose = (id.kind as u32) << 16 | u32::from(id.number);
         match operand.place {
-            Place::Fixed(Area::Local, at) => {
-                self.add((LOCAL, whose, at.0, width), named(names::in_local(self.block, at, bits)), None, access, via);
+            Place::Fixed(Area::Local | Area::PreviousLocal, at) => {
+                let name = named(names::in_local(self.block, at, bits));
+                self.add((LOCAL, whose, at.0, width), name, Extent::Own, access, via);
             }
             Place::Param { index, at } => {
                 let name = named(names::of_param(self.block, index, at, bits));
-                self.add((LOCAL + 1, whose, u32::from(index) << 20 | at.0, width), name, None, access, via);
+                self.add((LOCAL + 1, whose, u32::from(index) << 20 | at.0, width), name, Extent::Own, access, via);
             }
             Place::Instance(at) => {
-                self.add(
-                    (LOCAL + 2, whose, at.0, width),
-                    named(names::in_instance(self.block, at, bits)),
-                    None,
-                    access,
-                    via,
-                );
+                let name = named(names::in_instance(self.block, at, bits));
+                let extent = Extent::Instance { fb: id, at: at.0, bits };
+                self.add((LOCAL + 2, whose, at.0, width), name, extent, access, via);
             }
+            Place::Fixed(area @ (Area::Db | Area::Di), at) => match self.open[usize::from(area == Area::Di)] {
+                Some(db) => self.in_data(db, Operand { place: Place::InDb(db, at), ..operand }, at, bits, access, via),
+                None => {
+                    let class = if area == Area::Db { 31 } else { 32 };
+                    let extent = Extent::Data { db: None, at: at.0, bits };
+                    self.add((class, 0, at.0, width), (text, None), extent, access, via);
+                }
+            },
             Place::Fixed(area, at) => {
                 let class = match area {
                     Area::Input => 1,
                     Area::Output => 2,
                     Area::Memory => 3,
-                    Area::Peripheral => 4,
-                    Area::Db => 31,
-                    _ => 32,
+                    _ => 4,
                 };
-                self.add((class, 0, at.0, width), text, None, access, via);
+                let text = match (area, access) {
+                    (Area::Peripheral, Access::Read) => text.replacen('P', "PE", 1),
+                    (Area::Peripheral, Access::Write) => text.replacen('P', "PA", 1),
+                    _ => text,
+                };
+                self.add((class, 0, at.0, width), (text, None), Extent::Bits { area, at: at.0, bits }, access, via);
             }
-            Place::InDb(db, at) | Place::InDi(db, at) => {
-                let data = self.all.data.get(&db);
-                let name = data.and_then(|d| names::in_data(&d.components, at, bits));
-                let symbol = name.map(|name| format!("DB{db}.{name}"));
-                self.add((30, u32::from(db), at.0 + 1, width), text, symbol, access, via);
-            }
-            Place::Memory(_, pointer) => {
+            Place::InDb(db, at) | Place::InDi(db, at) => self.in_data(db, operand, at, bits, access, via),
+            Place::Memory(area, pointer) => {
                 self.operand(
                     Operand { width: Width::DWord, place: Place::Fixed(pointer.area, pointer.at) },
                     Access::Read,
                     None,
                 );
-                self.add((INDIRECT, 0, pointer.at.0, width), text, None, access, via);
+                self.somewhere((INDIRECT, 0, pointer.at.0, width), text, Some(area), access, via);
             }
             Place::Register(None, AddressRegister::Ar1, at)
                 if let Some(pointer) = self.through
                     && let Some(name) = names::behind(self.block, pointer, at, bits) =>
             {
-                self.add((LOCAL + 2, whose, pointer.0, width), format!("{id} {name}"), None, access, via);
+                // The caller's operand is in the list by the call that supplies it.
+                let name = (format!("{id} {name}"), None);
+                self.add((LOCAL + 2, whose, pointer.0, width), name, Extent::Own, access, via);
             }
-            Place::Register(_, register, at) => {
-                self.add((INDIRECT, 1 + register as u32, at.0, width), text, None, access, via);
+            Place::Register(area, register, at) => {
+                self.somewhere((INDIRECT, 1 + register as u32, at.0, width), text, area, access, via);
             }
         }
+    }
+
+    /// A place in a data block that is known.
+    fn in_data(&mut self, db: u16, operand: Operand, at: BitAddr, bits: u32, access: Access, via: Option<&str>) {
+        let width = width_order(operand.width);
+        let name = self.all.data.get(&db).and_then(|data| names::in_data(&data.components, at, bits));
+        let symbol = name.map(|name| format!("DB{db}.{name}"));
+        let extent = Extent::Data { db: Some(db), at: at.0, bits };
+        self.add((30, u32::from(db), at.0 + 1, width), (operand.to_string(), symbol), extent, access, via);
+    }
+
+    fn somewhere(&mut self, order: Order, text: String, area: Option<Area>, access: Access, via: Option<&str>) {
+        // Local data have no wire and no other block's address.
+        let extent = if matches!(area, Some(Area::Local)) { Extent::Own } else { Extent::Somewhere(area) };
+        self.add(order, (text, None), extent, access, via);
     }
 
     fn timer(&mut self, number: Number, access: Access) {
@@ -263,12 +224,25 @@ impl Seen<'_, '_> {
     fn number(&mut self, word: &str, class: u8, number: Number, access: Access, via: Option<&str>) {
         let text = format!("{word} {number}");
         match number {
-            Number::Fixed(n) => self.add((class, u32::from(n), 0, 0), text, None, access, via),
+            Number::Fixed(n) => {
+                let extent = match word {
+                    "T" => Extent::Timer(n),
+                    "Z" => Extent::Counter(n),
+                    _ => Extent::Block(BlockId::new(kind_of(class), n)),
+                };
+                self.add((class, u32::from(n), 0, 0), (text, None), extent, access, via);
+            }
             Number::Memory(pointer) => {
                 let place = Place::Fixed(pointer.area, pointer.at);
                 self.operand(Operand { width: Width::Word, place }, Access::Read, None);
-                self.add((INDIRECT, 3, pointer.at.0, class), text, None, access, via);
+                let extent = match word {
+                    "T" => Extent::SomeTimer,
+                    "Z" => Extent::SomeCounter,
+                    _ => Extent::SomeBlock(kind_of(class)),
+                };
+                self.add((INDIRECT, 3, pointer.at.0, class), (text, None), extent, access, via);
             }
+            // The number is in the list by the call that supplies it.
             Number::Param(index) => {
                 let place = Place::Param { index, at: BitAddr(0) };
                 self.operand(Operand { width: Width::Word, place }, access, via);
@@ -282,7 +256,8 @@ impl Seen<'_, '_> {
     fn call(&mut self, call: &Call) {
         let id = match call.target {
             Target::Block(id) | Target::Local(id, _) => {
-                self.add((class_of(id.kind), u32::from(id.number), 0, 0), id.to_string(), None, Access::Call, None);
+                let order = (class_of(id.kind), u32::from(id.number), 0, 0);
+                self.add(order, (id.to_string(), None), Extent::Block(id), Access::Call, None);
                 Some(id)
             }
             Target::Indirect(kind, number) => {
@@ -313,13 +288,75 @@ impl Seen<'_, '_> {
                 _ => Access::ReadWrite,
             };
             self.argument(arg, formal, access, &via);
+            if let (Some(id), Some(formal)) = (id, formal) {
+                self.in_instance(call, id, arg, formal, access);
+                self.block_by_number(arg, formal, &via);
+            }
         }
+    }
+
+    /// What a call writes into the instance, or reads from it, for a parameter.
+    fn in_instance(&mut self, call: &Call, id: BlockId, arg: &Arg, formal: &Param, access: Access) {
+        if *arg == Arg::Open || !id.kind.has_instance() {
+            return;
+        }
+        // What the block reads is written here.
+        let access = match access {
+            Access::Read => Access::Write,
+            Access::Write => Access::Read,
+            other => other,
+        };
+        let bits = formal.passed_bits(true);
+        let width = Width::of_bits(bits).unwrap_or(Width::Byte);
+        let base = if let Target::Local(_, base) = call.target { base.0 } else { 0 };
+        let at = BitAddr(base.saturating_add(formal.at.0));
+        let place = match call.instance {
+            Some(Number::Fixed(db)) => Place::InDb(db, at),
+            None if matches!(call.target, Target::Local(..)) => Place::Instance(at),
+            _ => return,
+        };
+        self.sized(Operand { width, place }, bits, access, Some(&format!("{id}.{}", formal.name)));
+    }
+
+    /// The blocks of the CPs take the number of a data block as an integer.
+    fn block_by_number(&mut self, arg: &Arg, formal: &Param, via: &str) {
+        if !formal.name.eq_ignore_ascii_case("DB_NO") {
+            return;
+        }
+        match arg {
+            Arg::Const(number) => {
+                if let Some(number) = u16::try_from(*number).ok().filter(|number| *number > 0) {
+                    self.number("DB", 30, Number::Fixed(number), Access::ReadWrite, Some(via));
+                }
+            }
+            Arg::Operand(operand) => {
+                let text = format!("DB [{operand}]");
+                let extent = Extent::SomeBlock(BlockKind::Db);
+                self.add((INDIRECT, 4, 0, 0), (text, None), extent, Access::ReadWrite, Some(via));
+            }
+            _ => {}
+        }
+    }
+
+    /// A pointer that is loaded: where it points to.
+    fn pointer(&mut self, bits: u32) {
+        let Some(area) = Area::from_pointer_code((bits >> 24) as u8).filter(|_| bits & 0x00F8_0000 == 0) else {
+            return;
+        };
+        let at = BitAddr::of_pointer(bits);
+        let width = if at.bit() == 0 { Width::Byte } else { Width::Bit };
+        self.operand(Operand { width, place: Place::Fixed(area, at) }, Access::Point, None);
     }
 
     fn argument(&mut self, arg: &Arg, formal: Option<&Param>, access: Access, via: &str) {
         let ty = formal.map(|f| &f.ty);
         match arg {
             Arg::Operand(operand) => match ty {
+                Some(DataType::Any | DataType::Pointer) => {
+                    self.sized(*operand, ty.map_or(0, Layout::bits), Access::Read, Some(via));
+                    let order = (INDIRECT, 5, operand_order(*operand), 0);
+                    self.somewhere(order, format!("what {operand} points to"), None, access, Some(via));
+                }
                 Some(ty) if ty.is_composed() => self.sized(*operand, Layout::bits(ty), access, Some(via)),
                 _ => self.operand(*operand, access, Some(via)),
             },
@@ -423,21 +460,34 @@ const fn class_of(kind: BlockKind) -> u8 {
     }
 }
 
-/// The cross-reference as text: each operand with its symbol, below it one line for each place.
-#[must_use]
-pub fn render_xref(references: &[Reference]) -> String {
-    let mut out = String::new();
-    let mut last: Option<&str> = None;
-    for reference in references {
-        let Reference { operand, symbol, indirect, block, network, line, access, via, .. } = reference;
-        if last != Some(operand.as_str()) {
-            let symbol = symbol.as_ref().map(|s| format!("  \"{s}\"")).unwrap_or_default();
-            let indirect = if *indirect { "  (indirect)" } else { "" };
-            let _ = writeln!(out, "{operand}{symbol}{indirect}");
-            last = Some(operand);
-        }
-        let via = via.as_ref().map(|v| format!("  as {v}")).unwrap_or_default();
-        let _ = writeln!(out, "    {:<4}  {block}, network {network}, line {line}{via}", access.name());
+const fn kind_of(class: u8) -> BlockKind {
+    match class {
+        33 => BlockKind::Ob,
+        34 => BlockKind::Fb,
+        35 => BlockKind::Fc,
+        36 => BlockKind::Sfb,
+        37 => BlockKind::Sfc,
+        _ => BlockKind::Db,
     }
-    out
+}
+
+const fn width_order(width: Width) -> u8 {
+    match width {
+        Width::Bit => 0,
+        Width::Byte => 1,
+        Width::Word => 2,
+        Width::DWord => 3,
+    }
+}
+
+const fn operand_order(operand: Operand) -> u32 {
+    match operand.place {
+        Place::Fixed(_, at)
+        | Place::InDb(_, at)
+        | Place::InDi(_, at)
+        | Place::Param { at, .. }
+        | Place::Instance(at)
+        | Place::Register(_, _, at) => at.0,
+        Place::Memory(_, pointer) => pointer.at.0,
+    }
 }
