@@ -27,6 +27,7 @@ use crate::status::{self, StatusArgs};
 use crate::testing::{self, TestArgs};
 use crate::top::{self, TopArgs};
 use crate::trace::{self, TraceArgs};
+use crate::why::{self, WhyArgs};
 use crate::xref::{self, XrefArgs};
 use ob1_station::{compiling, guardian, janitor, out, run, station_file};
 use ob1_time::Span;
@@ -100,6 +101,7 @@ enum Command {
     Ctl(CtlArgs),
     Diag(DiagArgs),
     Status(StatusArgs),
+    Why(WhyArgs),
     Debug(DebugArgs),
     Trace(TraceArgs),
     Top(TopArgs),
@@ -241,6 +243,7 @@ impl Command {
             Command::Ctl(args) => ctl::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
             Command::Status(args) => status::status(&args),
+            Command::Why(args) => why::why(&args),
             Command::Debug(args) => debug::debug(&args),
             Command::Trace(args) => trace::trace(&args),
             Command::Top(args) => top::top(&args),

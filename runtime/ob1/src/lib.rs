@@ -34,4 +34,5 @@ pub mod top;
 pub mod trace;
 mod units;
 pub mod virtual_clock;
+pub mod why;
 pub mod xref;

@@ -78,12 +78,15 @@ impl Observed<'_> {
         let writer = took.or_else(|| writers.last().copied())?;
         let mut why = Why { writer: Some(writer), took_effect: took.is_some(), ..Why::default() };
         why.terms = self.terms(writer);
-        if self.loops(*writers.last().unwrap_or(&writer)) {
+        let end = self.code.len();
+        // A writer that was jumped over may run with another bit in front of it.
+        let all = self.code.iter().rposition(|stmt| written(Some(&stmt.op)) == Some(place));
+        let last = all.unwrap_or(writer);
+        if self.loops(last) {
             why.is_open = true;
             return Some(why);
         }
-        let end = self.code.len();
-        let tried = self.scans(*writers.last().unwrap_or(&writer));
+        let tried = self.scans(last);
         why.is_open = tried.len() > TRIED || Replay::new(self, place, now).run(end, &[]) != Some(now);
         if why.is_open {
             return Some(why);

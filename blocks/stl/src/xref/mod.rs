@@ -7,6 +7,7 @@ mod extent;
 mod open;
 mod query;
 mod text;
+mod writers;
 
 use std::collections::{BTreeMap, BTreeSet};
 

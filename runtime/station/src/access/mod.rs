@@ -9,3 +9,4 @@ pub(crate) mod facts;
 pub mod pass;
 pub mod protocol;
 pub mod server;
+pub mod why;

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
+use super::why::{WhyStatus, WhyWanted};
 use crate::download::{LoadOrder, LoadStatus};
 use crate::timing::{Recorder, Timing};
 
@@ -71,6 +72,8 @@ pub enum Op {
     Links,
     /// Program status: one pass through a block.
     Pass(PassWanted),
+    /// Why a bit has its value, or a block is not called.
+    Why(WhyWanted),
     /// Breakpoints and single step.
     Debug(DebugWanted),
     /// Tells what is forced, after these cells were added.
@@ -147,6 +150,9 @@ pub struct Response {
     /// Answer to `pass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pass: Option<Box<PassStatus>>,
+    /// Answer to `why`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<Box<WhyStatus>>,
     /// Answer to `debug`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub debug: Option<Box<DebugStatus>>,
@@ -193,6 +199,7 @@ impl Response {
             buses: None,
             links: None,
             pass: None,
+            why: None,
             debug: None,
             forced: None,
             load: None,

@@ -19,7 +19,7 @@ use serde_json::Value;
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
 use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
-use super::{debug, pass};
+use super::{debug, pass, why};
 use crate::bus_view::BusView;
 use crate::known::KnownProgram;
 use crate::view::{StationView, event_number};
@@ -79,6 +79,7 @@ enum Then {
     Links,
     Diagnostics(u32),
     Pass(Arc<KnownProgram>, PassOrder, bool),
+    Why(Arc<KnownProgram>, Box<why::Question>),
     Debug(Arc<KnownProgram>, DebugOrder),
     Load,
     Force,
@@ -185,6 +186,15 @@ impl Serving {
                 let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
                 return Ok(Begun::UnderWay(pending, Then::Pass(known, order, wanted.statements)));
             }
+            Op::Why(wanted) => {
+                let (question, order) = why::order(&known, &wanted)?;
+                let Some(order) = order else {
+                    response.why = Some(Box::new(why::status(&known, &question, None, 0)?));
+                    return Ok(Begun::Answered(Box::new(response)));
+                };
+                let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
+                return Ok(Begun::UnderWay(pending, Then::Why(known, Box::new(question))));
+            }
             Op::Debug(wanted) => {
                 let order = debug::order(&known, &wanted)?;
                 let wait = if let DebugOrder::Hold { wait, .. } = order { wait } else { 0 };
@@ -248,6 +258,10 @@ impl Serving {
                     told.statements = pass::statements(&order, &pass);
                 }
                 response.pass = Some(Box::new(told));
+            }
+            (Then::Why(known, question), Outcome::Answer(Answer::Pass(pass))) => {
+                let started = self.view.unix_at(Instant::START);
+                response.why = Some(Box::new(why::status(&known, &question, Some(&pass), started)?));
             }
             (Then::Debug(known, order), Outcome::Answer(Answer::Debug(answer))) => {
                 response.debug = Some(Box::new(debug::status(&known, &order, answer)?));
