@@ -40,7 +40,10 @@ impl Resolver<'_> {
                 "the address is a byte number from 0 to 65535"
             };
             let span = span.to(reader.here());
-            reader.report(span, &codes::ADDRESS, message);
+            match letter_for_digit(reader.slice(span)) {
+                Some(remedy) => reader.sink.report_with(reader.index, span, &codes::ADDRESS, message, remedy),
+                None => reader.report(span, &codes::ADDRESS, message),
+            }
         }
         at
     }
@@ -137,6 +140,14 @@ impl Resolver<'_> {
             _ => None,
         }
     }
+}
+
+/// A letter that was typed for a digit, beside digits: the classic of listings typed in.
+fn letter_for_digit(text: &str) -> Option<String> {
+    let word = text.split([' ', '\t', '.']).skip(1).find(|word| word.contains(|c: char| c.is_ascii_digit()))?;
+    let (letter, digit) =
+        [('O', '0'), ('o', '0'), ('l', '1'), ('I', '1')].into_iter().find(|(l, _)| word.contains(*l))?;
+    Some(format!("{word} has the letter {letter}; the digit is {digit}."))
 }
 
 /// `12.7`.

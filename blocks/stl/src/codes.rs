@@ -234,6 +234,8 @@ codes! {
         "Write the symbol in quotes, or declare the name.";
     DB_NOT_THERE = "S0910", Lint, "A data block that is in no source is opened.",
         "Load its source, unless the program creates the data block itself (SFC 22).";
+    TIME_FOR_TIMER = "S0911", Lint, "A timer is started with a TIME, where it takes an S5TIME.",
+        "Write S5T# in place of T#: at run time the bits of a TIME are a BCD error (2521h) or another time.";
 }
 
 /// The page `docs/stl-errors.md`.

@@ -151,7 +151,15 @@ impl<'e> Elaborator<'e> {
             let name = name.filter(|name| {
                 let twice = self.by_name.contains_key(name);
                 if twice {
-                    let message = format!("{} {} occurs twice", name.0.name(), name.1);
+                    let first = self.by_name.get(name).and_then(|first| self.blocks.get(*first));
+                    let line =
+                        first.and_then(|first| Some((first.file, self.files.get(first.file)?.line_of(first.span))));
+                    let place = match line {
+                        Some((file, line)) if file == block.file => format!(", first in line {line}"),
+                        Some((file, line)) => format!(", first in line {line} of source {}", file + 1),
+                        None => String::new(),
+                    };
+                    let message = format!("{} {} occurs twice{place}", name.0.name(), name.1);
                     self.sink.report(block.file, block.span, &codes::DUPLICATE_BLOCK, message);
                 }
                 !twice

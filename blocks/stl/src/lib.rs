@@ -29,6 +29,7 @@ mod lint_accu;
 mod lint_br;
 mod lint_memory;
 mod lint_paths;
+mod lint_timer;
 mod lints;
 mod listing;
 mod literal;
@@ -101,7 +102,7 @@ pub struct Options {
     pub mnemonics: Mnemonics,
     /// Symbols, from symbol tables.
     pub symbols: Vec<Symbol>,
-    /// Look for the classic porting traps as well (S0903 to S0908).
+    /// Look for the classic porting traps as well (S0903 to S0911).
     pub lints: bool,
     /// Numbers of blocks that have a name only, as the user has fixed them.
     pub fixed: Vec<Numbered>,

@@ -15,6 +15,7 @@ use crate::lint_accu;
 use crate::lint_br::{self, BrUse};
 use crate::lint_memory::MemoryUse;
 use crate::lint_paths;
+use crate::lint_timer;
 use crate::syntax::Block;
 use crate::token::File;
 use crate::world::Info;
@@ -46,6 +47,7 @@ impl Whole {
         self.memory.gather(&inspected);
         inputs_written(&inspected, sink);
         unused_labels(&inspected, file, sink);
+        lint_timer::started_with_a_time(&inspected, file, sink);
     }
 
     /// What can be said when all blocks have been seen.

@@ -135,11 +135,8 @@ impl<'w> Resolver<'w> {
         }
         let shown: String = text.chars().take(32).collect();
         if self.words.is_foreign(letters) {
-            reader.report(
-                token.span,
-                &codes::FOREIGN_MNEMONIC,
-                format!("{shown} belongs to the other set of mnemonics"),
-            );
+            let (message, remedy) = self.words.foreign(letters);
+            reader.sink.report_with(reader.index, token.span, &codes::FOREIGN_MNEMONIC, message, remedy);
         } else if reader.peek_kind() == Some(Kind::Dot) || text.len() > LONGEST_IDENTIFIER {
             // No identifier is that long or has a component: it is a symbol without its quotes.
             self.world.report_unknown_symbol(text, reader.index, token.span, reader.sink);

@@ -102,8 +102,8 @@ impl Parser<'_, '_> {
             return;
         }
         if head.kind == Kind::Word && self.words.is_foreign(text) {
-            let message = format!("{shown} belongs to the other set of mnemonics");
-            self.report(head.span, &codes::FOREIGN_MNEMONIC, message);
+            let (message, remedy) = self.words.foreign(text);
+            self.sink.report_with(self.index, head.span, &codes::FOREIGN_MNEMONIC, message, remedy);
             return;
         }
         let next = self.peek_at(1).filter(|next| next.span.start == head.span.end).map_or("", |next| self.text(next));
@@ -113,13 +113,36 @@ impl Parser<'_, '_> {
             self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
+        if text.eq_ignore_ascii_case("TITLE") {
+            let rest: String = self.peek_at(1).map_or("...", |next| self.text(next)).chars().take(32).collect();
+            let message = "the = behind TITLE is missing";
+            let remedy = format!("Write TITLE = {rest}.");
+            self.sink.report_with(self.index, head.span, &codes::MISPLACED, message, remedy);
+            return;
+        }
         if keywords().any(|keyword| keyword.eq_ignore_ascii_case(text)) {
             self.report(head.span, &codes::MISPLACED, format!("{shown} has no place among statements"));
+            return;
+        }
+        if self.follows_a_statement() {
+            let message = format!("{shown} is not a mnemonic");
+            let remedy = "A comment behind ; begins with //.";
+            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         let known = self.words.mnemonic_words().chain(keywords());
         let message = format!("{shown} is not a mnemonic");
         self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);
+    }
+
+    /// True behind the semicolon of a statement in the same line, with nothing but words behind: a comment without //.
+    fn follows_a_statement(&self) -> bool {
+        let before = self.at.checked_sub(1).and_then(|at| self.file.tokens.get(at));
+        let here = self.peek().map(|token| token.line);
+        let line = |token: &&Token| Some(token.line) == here && token.kind != Kind::Newline;
+        let rest: Vec<_> = self.file.tokens.iter().skip(self.at).take_while(line).collect();
+        before.is_some_and(|token| token.kind == Kind::Semicolon && Some(token.line) == here)
+            && !rest.iter().any(|token| token.kind == Kind::Semicolon)
     }
 
     /// The tokens between CALL and its actual parameters.

@@ -541,7 +541,9 @@ impl<'s> Parser<'_, 's> {
                     self.skip_statement();
                 }
                 Some(word) if is_section(word) && self.peek_at(1).is_none_or(|t| t.kind != Kind::Colon) => {
-                    self.report(token.span, &codes::MISPLACED, "declarations stand in front of BEGIN and statements");
+                    let remedy = format!("Move {word} ... END_VAR in front of BEGIN.");
+                    let message = "declarations stand in front of BEGIN and statements";
+                    self.sink.report_with(self.index, token.span, &codes::MISPLACED, message, remedy);
                     if let Some(section) = Section::opened_by(word) {
                         self.section(block, section);
                     }

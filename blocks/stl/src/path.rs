@@ -210,8 +210,15 @@ fn element<'t>(
     let at = Layout::element(dims, inner, &indices);
     if at.is_none() {
         let bounds: Vec<_> = dims.iter().map(|d| format!("{}..{}", d.low, d.high)).collect();
-        let message = format!("the index is outside the array's bounds [{}]", bounds.join(", "));
-        reader.report(span, &codes::ARRAY_INDEX, message);
+        let bounds = bounds.join(", ");
+        let message = format!("the index is outside the array's bounds [{bounds}]");
+        // Too few or too many indices are another mistake.
+        if dims.len() == indices.len() {
+            let remedy = format!("Write an index within [{bounds}], or declare a larger array.");
+            reader.sink.report_with(reader.index, span, &codes::ARRAY_INDEX, message, remedy);
+        } else {
+            reader.report(span, &codes::ARRAY_INDEX, message);
+        }
     }
     at.map(|at| (&**inner, at))
 }

@@ -81,6 +81,22 @@ impl<'r, 's> Reader<'r, 's> {
         }
     }
 
+    /// `4.8` where `4,8` stands here.
+    fn decimal_comma(&self) -> Option<String> {
+        let at = |at: usize| self.file.tokens.get(at).copied();
+        let comma = self.peek().filter(|token| token.kind == Kind::Comma)?;
+        let here = self.file.tokens.iter().position(|token| token.span == comma.span)?;
+        let (before, behind) = (at(here.checked_sub(1)?)?, at(here + 1)?);
+        let joined = before.span.end == comma.span.start && behind.span.start == comma.span.end;
+        let numbers = before.kind == Kind::Number && behind.kind == Kind::Number;
+        (joined && numbers).then(|| format!("{}.{}", self.text(before), self.text(behind)))
+    }
+
+    /// The text of a span.
+    pub(crate) fn slice(&self, span: Span) -> &str {
+        self.file.slice(span)
+    }
+
     pub(crate) fn report(&mut self, span: Span, code: &'static Code, message: impl Into<String>) {
         self.sink.report(self.index, span, code, message);
     }
@@ -93,7 +109,14 @@ impl<'r, 's> Reader<'r, 's> {
         }
         let text: String = self.text(token).chars().take(32).collect();
         let span = self.rest();
-        self.report(span, code, format!("{text} does not belong here"));
+        let message = format!("{text} does not belong here");
+        match self.decimal_comma() {
+            Some(number) => {
+                let remedy = format!("STL writes a decimal point: {number}.");
+                self.sink.report_with(self.index, span, code, message, remedy);
+            }
+            None => self.report(span, code, message),
+        }
         false
     }
 }

@@ -110,8 +110,8 @@ pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {
     sources.iter().map(|source| read_one(source, &mut names)).collect()
 }
 
-/// Names in capitals, with the table that has them.
-type Names = BTreeMap<String, String>;
+/// Names in capitals, with the table that has them, and what it says.
+type Names = BTreeMap<String, (String, Symbol)>;
 
 fn read_one(source: &Source, names: &mut Names) -> SymbolTable {
     let mut sink = Sink::new();
@@ -157,17 +157,26 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
         let Some(symbol) = symbol(row, form, &words, sink) else { continue };
         match names.entry(symbol.name.to_uppercase()) {
             Entry::Vacant(free) => {
-                free.insert(file.to_owned());
+                free.insert((file.to_owned(), symbol.clone()));
                 symbols.push(symbol);
             }
+            // The same line twice means nothing else.
+            Entry::Occupied(first) if first.get().0 != file && is_same(&first.get().1, &symbol) => {}
             Entry::Occupied(first) => {
-                let first = if first.get() == file { String::new() } else { format!(", first in {}", first.get()) };
+                let first = &first.get().0;
+                let first = if first == file { String::new() } else { format!(", first in {first}") };
                 let message = format!("the symbol {} occurs twice{first}; the first one counts", symbol.name);
                 sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
             }
         }
     }
     symbols
+}
+
+/// Whether two tables say the same of a symbol; blanks in addresses do not count.
+fn is_same(one: &Symbol, other: &Symbol) -> bool {
+    let address = |symbol: &Symbol| -> String { symbol.address.chars().filter(|c| !c.is_whitespace()).collect() };
+    address(one).eq_ignore_ascii_case(&address(other)) && one.ty == other.ty
 }
 
 /// One row. `None` when it names nothing a program can use, or has a mistake (reported).

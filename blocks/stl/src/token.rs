@@ -87,6 +87,11 @@ impl<'s> File<'s> {
         self.text.get(span.start as usize..span.end as usize).unwrap_or("")
     }
 
+    /// The line that a span begins in, from 1.
+    pub(crate) fn line_of(&self, span: Span) -> u32 {
+        self.text.bytes().take(span.start as usize).filter(|byte| *byte == b'\n').count() as u32 + 1
+    }
+
     /// The text of a token.
     pub(crate) fn of(&self, token: Token) -> &'s str {
         self.slice(token.span)

@@ -115,6 +115,25 @@ impl Words {
         IDENTIFIERS.iter().map(move |row| identifier_word(row, set))
     }
 
+    /// What is said of a word of the other set: message and remedy, with the word of this set.
+    pub(crate) fn foreign(&self, word: &str) -> (String, String) {
+        let german = self.set != Mnemonics::International;
+        let (own, theirs) =
+            if german { ("German (U, SPBN ...)", "international") } else { ("international (A, JCN ...)", "German") };
+        let mnemonics = ROWS.iter().map(|r| (r.german, r.international));
+        let mut all = mnemonics.chain(IDENTIFIERS.iter().map(|(de, en, _)| (*de, *en)));
+        let of = |(de, en): &(&str, &str)| de != en && (if german { en } else { de }).eq_ignore_ascii_case(word);
+        let here = all.find(of).map_or("", |(de, en)| if german { de } else { en });
+        let other = if german { "en" } else { "de" };
+        let shown: String = word.chars().take(32).collect();
+        (
+            format!("{shown} is {theirs}, this source is {own}"),
+            format!(
+                "Write {here}; or --mnemonics {other} reads the source so (mnemonics = \"{other}\" in the station file)."
+            ),
+        )
+    }
+
     /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this
     /// one.
     pub(crate) fn is_foreign(&self, word: &str) -> bool {

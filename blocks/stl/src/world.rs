@@ -210,7 +210,8 @@ impl World {
         sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
             let message = format!("the symbol \"{shown}\" is in no symbol table");
             if let Some(id) = self.names.get(&name.to_uppercase()) {
-                let remedy = format!("{shown} is the usual name of {id}: write {id}, or load the symbol table.");
+                let remedy =
+                    format!("If the block of this name is meant, write CALL {id}; else load the symbol table.");
                 return (message, remedy);
             }
             let near = sink.nearest(name, self.symbols.keys().map(String::as_str));

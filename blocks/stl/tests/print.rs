@@ -135,7 +135,7 @@ fn listings_show_labels_comments_titles_and_notations() {
     let printer = Printer::new(Mnemonics::German, &callees);
     let text = printer.statements(&output.program.blocks[0], &listing).unwrap();
     let expected = "NETWORK\nTITLE = First\n//one\n//two\nloop: L 'A';  // beside\n// a line\n      L 1.5e0;\n      \
-                    L P#M 1.0;\n      T LD 4;\n      L S5T#2000MS;\nNETWORK\n      SPA loop;\nNETWORK\nTITLE = Empty\n";
+                    L P#M 1.0;\n      T LD 4;\n      L S5T#2S;\nNETWORK\n      SPA loop;\nNETWORK\nTITLE = Empty\n";
     assert_eq!(text, expected);
 }
 

@@ -24,7 +24,7 @@ use crate::known::Known;
 use crate::reason;
 use crate::retentive::health::Health;
 use crate::station_file::{ModuleConfig, ModuleKind};
-use crate::timing::Timings;
+use crate::timing::{Class, Timings};
 use crate::wall_clock::unix_now;
 use ob1_time::Instant;
 
@@ -172,8 +172,16 @@ impl StationView {
             text: entry.to_string(),
             place: self.known.get().places.of(entry).unwrap_or_default(),
             because: self.stood_in_the_way(entry).unwrap_or_default(),
-            remedy: entry.event.remedy().to_owned(),
+            remedy: self.remedy(entry).to_owned(),
         }
+    }
+
+    /// What helps: against a cycle that was too long what its cause asks for.
+    #[must_use]
+    pub fn remedy(&self, entry: &DiagEntry) -> &'static str {
+        let class = || self.timings.watchdog_class(entry.time);
+        let too_long = entry.event == Event::CYCLE_TIME_EXCEEDED;
+        too_long.then(class).flatten().and_then(Class::remedy).unwrap_or_else(|| entry.event.remedy())
     }
 
     /// What made the cycle too long, if the entry is about one.

@@ -10,7 +10,7 @@ use hyper::body::Bytes;
 use hyper::header::{CONTENT_TYPE, HeaderValue};
 use ob1_access::door::{Document, Event, What};
 use ob1_access::{Form, Names, Typed};
-use ob1_gate_core::{Client, Trouble, Watch, iso, network};
+use ob1_gate_core::{Client, Trouble, Watch, network};
 use serde_json::{Value, json};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;

@@ -74,9 +74,20 @@ pub struct ImportArgs {
     /// Print a block or a UDT as STL, write nothing
     #[arg(long, value_name = "BLOCK", conflicts_with = "out")]
     pub listing: Option<String>,
+    /// Mnemonics of the sources that are made
+    #[arg(long, value_enum, default_value_t = crate::language::Language::Auto, hide_default_value = true)]
+    pub mnemonics: crate::language::Language,
     /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files, errors
     #[arg(long)]
     pub json: bool,
+}
+
+/// The set of mnemonics of what is made, if none is asked for.
+pub(crate) const INTERNATIONAL: ob1_stl::Mnemonics = ob1_stl::Mnemonics::International;
+
+/// A station is named after the folder that it is written to.
+pub(crate) fn station_name(out: &Path) -> Option<String> {
+    Some(out.file_name()?.to_string_lossy().into_owned())
 }
 
 /// What is taken of a project.
@@ -147,7 +158,8 @@ pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfPr
     let (projects, titles) = projects(path, &*source, &tree)?;
     let taken = take(name, &tree, projects, &titles)?;
     let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
-    let (_, library, translation) = translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1)?;
+    let (_, library, translation) =
+        translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1, INTERNATIONAL)?;
     Ok(of_project(&taken, translation.program.clone(), &translation, library))
 }
 
@@ -169,10 +181,10 @@ fn translated(
     folder: &Folder,
     page: CodePage,
     symbols: Vec<Symbol>,
+    mnemonics: ob1_stl::Mnemonics,
 ) -> Result<(replace::Replaced, Library, Translation), String> {
     let replaced = replace::find(folder);
     let library = replaced.library()?;
-    let mnemonics = ob1_stl::Mnemonics::International;
     let wanted = Wanted { page, library: &library, replaced: &replaced.ids(), symbols, mnemonics };
     let translation = translate(folder, &wanted);
     Ok((replaced, library, translation))
@@ -190,16 +202,18 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
     let mut notes = taken.project.notes.clone();
     let rows = taken.project.symbols(&tree, taken.choice, &mut notes);
     let symbols = output::symbol_table(&rows);
-    let (replaced, library, translation) = translated(&taken.folder, taken.project.page, symbols.1)?;
+    let (replaced, library, translation) =
+        translated(&taken.folder, taken.project.page, symbols.1, args.mnemonics.or(INTERNATIONAL))?;
     if let Some(block) = &args.listing {
-        return listing(block, &taken.folder, &translation, &library);
+        return listing(block, &taken.folder, &translation, &library, args.mnemonics.or(INTERNATIONAL));
     }
     let Some(out) = &args.out else { return Err("--out is missing".to_owned()) };
     let gsds = match &args.gsd {
         Some(folder) => GsdFiles::read(folder, &mut notes)?,
         None => GsdFiles::default(),
     };
-    let made = station::make(&taken.title, (&taken.folder, &translation), &modules, &replaced, &gsds);
+    let named = station::Named { title: &taken.title, name: station_name(out), set: args.mnemonics.or(INTERNATIONAL) };
+    let made = station::make(&named, (&taken.folder, &translation), &modules, &replaced, &gsds);
     notes.extend(replaced.notes.clone());
     let mut written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
     if args.drawings {
@@ -328,7 +342,13 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
     ImportExit::Whole
 }
 
-fn listing(wanted: &str, folder: &Folder, translation: &Translation, library: &Library) -> Result<ImportExit, String> {
+fn listing(
+    wanted: &str,
+    folder: &Folder,
+    translation: &Translation,
+    library: &Library,
+    set: ob1_stl::Mnemonics,
+) -> Result<ImportExit, String> {
     let (name, file, id, is_protected) = match udt_number(wanted) {
         Some(number) => (format!("UDT {number}"), format!("UDT_{number}.awl"), None, false),
         None => {
@@ -346,7 +366,7 @@ fn listing(wanted: &str, folder: &Folder, translation: &Translation, library: &L
     }
     let text = match (translation.sources.iter().find(|source| source.name == file), id) {
         (Some(source), _) => String::from_utf8_lossy(&source.bytes).into_owned(),
-        (None, Some(id)) => of_machine_code(id, folder, translation, library)?,
+        (None, Some(id)) => of_machine_code(id, folder, translation, library, set)?,
         (None, None) => return Err(format!("{name} is not in this program")),
     };
     says!("{text}");
@@ -359,11 +379,12 @@ fn of_machine_code(
     folder: &Folder,
     translation: &Translation,
     library: &Library,
+    set: ob1_stl::Mnemonics,
 ) -> Result<String, String> {
     let program = &translation.program;
     let of_program = |id: BlockId| program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
     let callees = |id: BlockId| of_program(id).or_else(|| library.get(id).map(|block| &block.interface));
-    let printer = Printer::new(ob1_stl::Mnemonics::International, &callees);
+    let printer = Printer::new(set, &callees);
     let compiled = folder.blocks.get(&id).and_then(|block| CompiledInterface::read(&block.interface).ok());
     let instances = compiled.map(|compiled| compiled.instances()).unwrap_or_default();
     let declared = Declared { instances, ..Declared::default() };

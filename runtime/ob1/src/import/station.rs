@@ -10,6 +10,8 @@ use ob1_project::{Area, Folder, Module, Note, Notes, Translation};
 use ob1_station::posture;
 use ob1_std::standard_blocks;
 
+use ob1_station::source_view;
+
 use super::hardware::{Hardware, cp_type, merged};
 use super::names::{BLOCKS, SYMBOLS, clean, line};
 use super::profibus::{GsdFiles, Slaves};
@@ -36,9 +38,19 @@ const MOST_IMAGE: u32 = 8192;
 /// Cycle monitoring time of a CPU that says nothing else.
 const MONITORING_MS: u16 = 150;
 
+/// What a station is called.
+pub(super) struct Named<'n> {
+    /// The title of its program.
+    pub(super) title: &'n str,
+    /// Its own name, if it has one.
+    pub(super) name: Option<String>,
+    /// The mnemonics of its sources.
+    pub(super) set: ob1_stl::Mnemonics,
+}
+
 /// Writes the station file of a program.
 pub(super) fn make(
-    title: &str,
+    named: &Named<'_>,
     (folder, translation): (&Folder, &Translation),
     hardware: &Hardware,
     replaced: &Replaced,
@@ -50,9 +62,9 @@ pub(super) fn make(
     let mut modules = Modules { names: slaves.names.clone(), ..Modules::default() };
     modules.of_hardware(hardware, replaced, &slaves, &mut made.notes);
     modules.of_operands(&used, hardware, &mut made.notes);
-    head(&mut made, title, &used, hardware);
+    head(&mut made, named, &used, hardware);
     cyclic(&mut made.text, &translation.program, hardware);
-    program(&mut made.text, translation, replaced);
+    program(&mut made.text, translation, replaced, named.set);
     plugins(&mut made, folder, translation, replaced);
     made.text.push_str(&modules.text);
     made.text.push_str(&slaves.text);
@@ -60,7 +72,8 @@ pub(super) fn make(
     made
 }
 
-fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
+fn head(made: &mut Made, named: &Named<'_>, used: &Used, hardware: &Hardware) {
+    let title = named.title;
     let cpu = hardware.cpu.as_ref();
     let parameters = cpu.map(|cpu| cpu.parameters.clone()).unwrap_or_default();
     let family = if cpu.is_some_and(|cpu| cpu.s7_400 || cpu.name.starts_with("CPU 4")) { 400 } else { 300 };
@@ -68,7 +81,11 @@ fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
     let numbers = |named: u32| named.clamp(NUMBERS, MOST_NUMBERS);
     let text = &mut made.text;
     let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was assumed.", line(title));
-    let _ = writeln!(text, "[station]\nname = \"{}\"\n\n[cpu]", station_name(title));
+    let _ = writeln!(
+        text,
+        "[station]\nname = \"{}\"\n\n[cpu]",
+        station_name(named.name.as_deref().unwrap_or(title), title)
+    );
     if let Some(cpu) = cpu {
         let _ = writeln!(text, "# {}", line(&cpu.name));
     }
@@ -106,7 +123,7 @@ fn cyclic(text: &mut String, program: &Program, hardware: &Hardware) {
     }
 }
 
-fn program(text: &mut String, translation: &Translation, replaced: &Replaced) {
+fn program(text: &mut String, translation: &Translation, replaced: &Replaced, set: ob1_stl::Mnemonics) {
     let list = |key: &str, names: &[&str]| {
         let names: String = names.iter().map(|name| format!("    \"{BLOCKS}/{name}\",\n")).collect();
         format!("{key} = [\n{names}]\n")
@@ -119,7 +136,7 @@ fn program(text: &mut String, translation: &Translation, replaced: &Replaced) {
     if !translation.program.symbols.is_empty() {
         let _ = writeln!(text, "symbols = [\"{SYMBOLS}\"]");
     }
-    text.push_str("mnemonics = \"en\"\n");
+    let _ = writeln!(text, "mnemonics = \"{}\"", source_view::word(set));
     text.push_str(&list("sources", &sources));
     if !images.is_empty() {
         text.push_str(&list("mc7", &images));
@@ -305,9 +322,10 @@ impl Modules {
     }
 }
 
-fn station_name(title: &str) -> String {
-    let name = clean(title, 40);
-    if name.is_empty() { "imported".to_owned() } else { name }
+/// The name of a station, from the first of these that has letters for one.
+fn station_name(name: &str, title: &str) -> String {
+    let names = [name, title].map(|name| clean(name, 40));
+    names.into_iter().find(|name| !name.is_empty()).unwrap_or_else(|| "imported".to_owned())
 }
 
 #[cfg(test)]
@@ -316,8 +334,10 @@ mod tests {
 
     #[test]
     fn names_are_those_a_station_file_takes() {
-        assert_eq!(station_name("SIMATIC 300(1)/CPU 315-2 DP"), "simatic-300-1-cpu-315-2-dp");
-        assert_eq!(station_name("硬件"), "imported");
+        let title = "SIMATIC 300(1)/CPU 315-2 DP";
+        assert_eq!(station_name("Cooker 2", title), "cooker-2");
+        assert_eq!(station_name(title, title), "simatic-300-1-cpu-315-2-dp");
+        assert_eq!(station_name("硬件", "硬件"), "imported");
         let mut modules = Modules::default();
         assert_eq!((modules.name("a b"), modules.name("a b")), ("a-b".to_owned(), "a-b-2".to_owned()));
     }

@@ -15,7 +15,7 @@ use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
-use super::{exit, outcome, output, report, station, translated};
+use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, translated};
 use crate::exit::{DiffExit, ImportExit};
 
 /// The types of blocks a program is made of.
@@ -79,11 +79,12 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
         let why = refused.values().chain(folder.damaged.values()).next().map_or("it has no blocks", String::as_str);
         return Err(format!("{}: nothing could be read: {why}", args.cpu.host));
     }
-    let (replaced, _, mut translation) = translated(&folder, page()?, Vec::new())?;
+    let (replaced, _, mut translation) = translated(&folder, page()?, Vec::new(), INTERNATIONAL)?;
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
     let title = format!("CPU {}", args.cpu.host);
-    let made = station::make(&title, (&folder, &translation), &Hardware::default(), &replaced, &GsdFiles::default());
+    let named = station::Named { title: &title, name: station_name(&args.out), set: INTERNATIONAL };
+    let made = station::make(&named, (&folder, &translation), &Hardware::default(), &replaced, &GsdFiles::default());
     notes.extend(replaced.notes.clone());
     let mut written = output::write((&args.out, args.overwrite), &title, &translation, "", &made, &notes)?;
     written.files.extend(keep(&args.out, &blocks)?);
@@ -102,7 +103,7 @@ fn page() -> Result<CodePage, String> {
 
 /// The program that uploaded blocks make, and what it calls.
 fn program_of(blocks: Blocks) -> Result<(Program, Library), String> {
-    let (_, library, translation) = translated(&Folder::of_upload(blocks), page()?, Vec::new())?;
+    let (_, library, translation) = translated(&Folder::of_upload(blocks), page()?, Vec::new(), INTERNATIONAL)?;
     Ok((translation.program, library))
 }
 

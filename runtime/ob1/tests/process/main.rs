@@ -4,4 +4,5 @@ mod bench;
 mod command;
 mod new;
 mod output;
+mod person;
 mod retentive_files;

@@ -85,7 +85,7 @@ fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view:
             if let Some(cause) = cause {
                 tracing::error!("  because of {}", known.places.told(cause));
             }
-            let remedy = cause.map_or("", |cause| cause.event.remedy());
+            let remedy = cause.map_or("", |cause| view.remedy(cause));
             let remedy = if remedy.is_empty() { entry.event.remedy() } else { remedy };
             tracing::error!("  = {remedy}");
         }

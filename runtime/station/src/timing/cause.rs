@@ -57,6 +57,34 @@ impl Class {
             Self::Unexplained => "unexplained (host suspected)",
         }
     }
+
+    /// What helps against it, where the program is not what it was about.
+    #[must_use]
+    pub const fn remedy(self) -> Option<&'static str> {
+        match self {
+            Self::Kernel | Self::Timer | Self::Unexplained => Some(
+                "The PC did not give this CPU its core in time; the program is not the cause. Give the station real time \
+                 ([cpu.realtime]), or take load off the PC: `ob1 check FILE --posture` says what it is granted.",
+            ),
+            Self::Stopped => Some("The process was stopped by a signal (SIGSTOP, a debugger): let it run."),
+            Self::Plugin => Some("A block of a plugin took the time: `ob1 ctl NAME recorder` names it."),
+            Self::Program | Self::Driver | Self::Carried => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod remedies {
+    use super::Class;
+
+    #[test]
+    fn a_host_that_gives_no_core_is_not_answered_with_a_shorter_program() {
+        for class in [Class::Kernel, Class::Timer, Class::Unexplained] {
+            let remedy = class.remedy().expect("one");
+            assert!(remedy.contains("[cpu.realtime]") && !remedy.contains("shorten"), "{remedy}");
+        }
+        assert_eq!(Class::Program.remedy(), None, "that of the event");
+    }
 }
 
 /// What is known about the time around a scan. Except `measured`, the figures are those of a window up to two looks of

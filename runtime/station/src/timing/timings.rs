@@ -7,6 +7,7 @@ use ob1_rt::MonotonicClock;
 use ob1_time::{Instant, Span};
 use parking_lot::Mutex;
 
+use super::cause::Class;
 use super::ledger::Ledger;
 use super::snapshot::{self, FlightDump, Recorder, Spread, TIMING_SCHEMA, Timing};
 use super::text;
@@ -105,6 +106,12 @@ impl Timings {
     #[must_use]
     pub fn watchdog(&self, expired: Instant) -> Option<String> {
         self.state.lock().ledger.watchdog(expired).map(text::cause)
+    }
+
+    /// The class of what the scan with the expired cycle monitoring stood for.
+    #[must_use]
+    pub fn watchdog_class(&self, expired: Instant) -> Option<Class> {
+        self.state.lock().ledger.watchdog(expired).map(|entry| entry.class)
     }
 
     /// Takes the flight that an overrun has frozen, if there is one.
