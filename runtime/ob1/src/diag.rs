@@ -5,8 +5,8 @@ use ob1_model::BlockKind;
 use ob1_model::moment::Moment;
 use serde::Serialize;
 
-use crate::exit::Exit;
 use crate::debug::{local, registers, stack};
+use crate::exit::Exit;
 use crate::remote::{ask, print_json};
 use ob1_station::access::debug::DebugWanted;
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};

@@ -15,11 +15,9 @@ use crate::load::{self, LoadArgs};
 /// and asks. Then the CPU makes a warm restart in which every data block keeps its values, also those that [retentive]
 /// does not name.
 #[derive(Clone, Debug, Args)]
-#[command(
-    after_help = "Examples:\n  ob1 restart press\n  ob1 restart press --cold\n  ob1 restart press --keep\n  \
+#[command(after_help = "Examples:\n  ob1 restart press\n  ob1 restart press --cold\n  ob1 restart press --keep\n  \
     ob1 restart press --keep --yes\n\nExit codes: 0 restarted, 5 the station does not run, 8 refused: by you or by the \
-    sources.\n\nMore: docs/online.md."
-)]
+    sources.\n\nMore: docs/online.md.")]
 pub struct RestartArgs {
     /// A running station: its name or its file
     station: String,

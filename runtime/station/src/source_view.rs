@@ -23,8 +23,8 @@ pub struct SourceView {
 pub struct BlockText {
     /// The file of its source; empty: it is printed from its statements.
     pub file: String,
-    /// Its lines: number in the file (0 without one), network (0 without one), text, and the symbols of operands that the
-    /// text has by address.
+    /// Its lines: number in the file (0 without one), network (0 without one), text, and the symbols of operands that
+    /// the text has by address.
     pub lines: Vec<(u32, u16, String, Vec<String>)>,
 }
 

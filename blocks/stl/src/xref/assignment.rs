@@ -224,8 +224,8 @@ impl CrossReference<'_> {
         self.program.symbols.iter().filter(|symbol| !is_used(symbol)).collect()
     }
 
-    /// The outputs that several statements write, at least one of them each time it runs. What a startup block writes is
-    /// overwritten on purpose.
+    /// The outputs that several statements write, at least one of them each time it runs. What a startup block writes
+    /// is overwritten on purpose.
     #[must_use]
     pub fn written_twice(&self) -> Vec<WrittenTwice<'_>> {
         let mut writers: BTreeMap<u32, Vec<&Reference>> = BTreeMap::new();

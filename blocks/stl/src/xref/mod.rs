@@ -145,8 +145,9 @@ impl<'p> CrossReference<'p> {
         Self { program, all: xref_with(program, library), instances: instances(program), words, symbols }
     }
 
-    /// The uses of an operand, in either set of mnemonics; of a symbol, a component, a block; of a part: `DB 10`, `E 8`,
-    /// `M`. Whatever reaches a bit of it is found, and whatever may, because its address is known at run time only.
+    /// The uses of an operand, in either set of mnemonics; of a symbol, a component, a block; of a part: `DB 10`, `E
+    /// 8`, `M`. Whatever reaches a bit of it is found, and whatever may, because its address is known at run time
+    /// only.
     ///
     /// # Errors
     /// [`Unknown`]: there is no such thing.
