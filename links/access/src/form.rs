@@ -101,7 +101,7 @@ mod tests {
             ),
             ("DB20.DBW4:Status", "0xFFFF", "FFFF", "16#FFFF no event of a CP 341 or CP 340"),
         ] {
-            assert_eq!(Form::split(text).1.show(&value, hex), shown, "{text}");
+            assert_eq!(Form::split(text).1.show(value, hex), shown, "{text}");
         }
         assert_eq!(Form::split(" DB1.A "), ("DB1.A", Form::Plain));
         assert_eq!(Form::split(":hex"), ("", Form::Hex));

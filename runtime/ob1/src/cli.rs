@@ -237,7 +237,7 @@ impl Command {
             Command::Restart(args) => restart::restart(&args),
             Command::List(args) => list::list(&args),
             Command::New(args) => new::new(&args),
-            Command::Get(args) => remote::get(args),
+            Command::Get(args) => remote::get(&args),
             Command::Set(args) => remote::set(&args),
             Command::Force(args) => force::force(&args),
             Command::Ctl(args) => ctl::ctl(&args),

@@ -61,7 +61,7 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
 
 /// Prints values of cells.
 #[must_use]
-pub fn get(args: GetArgs) -> Exit {
+pub fn get(args: &GetArgs) -> Exit {
     let (names, forms): (Vec<&str>, Vec<Form>) = args.items.iter().map(|item| Form::split(item)).unzip();
     let items = names.into_iter().map(str::to_owned).collect();
     let values = match ask(&args.station, Op::Get { items }) {

@@ -18,6 +18,9 @@ pub struct SourceView {
     pub blocks: BTreeMap<String, BlockText>,
 }
 
+/// A line: its number, its network, its text, symbols; see [`BlockText::lines`].
+pub type TextLine = (u32, u16, String, Vec<String>);
+
 /// A block.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct BlockText {
@@ -25,7 +28,7 @@ pub struct BlockText {
     pub file: String,
     /// Its lines: number in the file (0 without one), network (0 without one), text, and the symbols of operands that
     /// the text has by address.
-    pub lines: Vec<(u32, u16, String, Vec<String>)>,
+    pub lines: Vec<TextLine>,
 }
 
 /// The word of a set of mnemonics in files and on the command line.
@@ -99,7 +102,7 @@ fn of_source(
     ranges: &[std::ops::RangeInclusive<u32>],
     text: &str,
     notes: &Notes,
-) -> Option<Vec<(u32, u16, String, Vec<String>)>> {
+) -> Option<Vec<TextLine>> {
     let first = block.code.first().map(|stmt| stmt.line).filter(|line| *line > 0)?;
     let range = ranges.iter().find(|range| range.contains(&first))?;
     let networks: BTreeMap<u32, u16> = block.code.iter().rev().map(|stmt| (stmt.line, stmt.network)).collect();
@@ -115,7 +118,7 @@ fn of_source(
 }
 
 /// A block without its source.
-fn printed(block: &CodeBlock, printer: &Printer<'_>) -> Vec<(u32, u16, String, Vec<String>)> {
+fn printed(block: &CodeBlock, printer: &Printer<'_>) -> Vec<TextLine> {
     let each = || block.code.iter().enumerate().map(|(at, stmt)| (at, stmt.op.to_string())).collect();
     let texts: Vec<(usize, String)> = printer.lines(block, &Listing::default()).unwrap_or_else(|_| each());
     let network = |at: usize| block.code.get(at).map_or(0, |stmt| stmt.network);

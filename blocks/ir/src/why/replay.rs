@@ -330,7 +330,7 @@ impl<'p, 'o> Replay<'p, 'o> {
                 Place::Fixed(area, _) if is_image(area) => {}
                 Place::Param { .. } | Place::Memory(..) | Place::Register(..) => self.is_wild = true,
                 Place::Fixed(..) | Place::InDb(..) | Place::InDi(..) | Place::Instance(_) => {
-                    self.other_data.push(place)
+                    self.other_data.push(place);
                 }
             }
         }

@@ -51,9 +51,9 @@ impl Assignment {
             let (from, to) = (at.max(byte * 8) - byte * 8, last.min(byte * 8 + 7) - byte * 8);
             let mask = (from..=to).fold(0u8, |mask, bit| mask | 1 << bit);
             if bits == 1 {
-                row.bits |= mask
+                row.bits |= mask;
             } else {
-                row.wide |= mask
+                row.wide |= mask;
             }
             row.widths[3] |= peripheral;
         }

@@ -445,11 +445,12 @@ impl Here<'_> {
             });
         }
         let is_written = term.written_by.is_some() || !self.all.writers(test).is_empty();
-        let known = match test {
-            BitTest::Bit(Place::Fixed(Area::Input | Area::Output | Area::Memory, _) | Place::InDb(..)) => true,
-            BitTest::Timer(_) | BitTest::Counter(_) => true,
-            _ => false,
-        };
+        let known = matches!(
+            test,
+            BitTest::Bit(Place::Fixed(Area::Input | Area::Output | Area::Memory, _) | Place::InDb(..))
+                | BitTest::Timer(_)
+                | BitTest::Counter(_)
+        );
         Some(TermStatus {
             statement: self.statement(term.statement),
             ask: if known && is_written { ob1_stl::in_set(&operand, self.set) } else { String::new() },
