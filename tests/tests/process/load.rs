@@ -204,7 +204,9 @@ fn what_is_forced_outlasts_the_station() {
     station.until("the program sees it", |station| (station.cells(&["AB 0", "MB 1"]) == [1, 7]).then_some(()));
     assert_eq!(site.ob1(&["force", "force", "--off", "E0.1=1"]).fine(), "I0.1=1\n");
     station.until("the program sees it", |station| (station.cells(&["AB 0", "MB 1"]) == [2, 0]).then_some(()));
-    site.ob1(&["ctl", "force", "reset"]).fine();
+    site.ob1(&["ctl", "force", "stop"]).fine();
+    station.until("STOP", |station| (station.status().state == "STOP").then_some(()));
+    site.ob1(&["ctl", "force", "reset", "--yes"]).fine();
     station.until("a memory reset ends it", |station| station.status().forced.is_empty().then_some(()));
     station.until("and the file is gone", |_| (!site.path(".force.forced").exists()).then_some(()));
     assert_eq!(station.interrupt().code(), Some(0));
