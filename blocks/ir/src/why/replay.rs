@@ -196,7 +196,8 @@ impl<'p, 'o> Replay<'p, 'o> {
                 self.written.retain(|(place, _)| !may_touch(operand.place, operand.width, *place));
             } else {
                 let other = self.written.iter().any(|(place, value)| {
-                    may_touch(operand.place, operand.width, *place) && *value != self.record_of(*place, at)
+                    may_touch(operand.place, operand.width, *place)
+                        && (value.is_none() || *value != self.record_of(*place, at))
                 });
                 self.is_poisoned |= other || flipped(operand.place, operand.width);
             }
