@@ -48,13 +48,22 @@ fn operand_belongs([german, international]: [&Words; 2], word: &str, addressed: 
 pub(crate) struct Sets {
     german: Words,
     international: Words,
+    /// Identifiers of both sets, which SCL takes.
+    both: Words,
     of: Vec<Mnemonics>,
+    scl: Vec<bool>,
 }
 
 impl Sets {
-    /// `of`: the set of each file, decided.
-    pub(crate) fn new(of: Vec<Mnemonics>) -> Self {
-        Self { german: Words::new(Mnemonics::German), international: Words::new(Mnemonics::International), of }
+    /// `of`: the set of each file, decided; `scl`: the files that are SCL.
+    pub(crate) fn new(of: Vec<Mnemonics>, scl: Vec<bool>) -> Self {
+        let [german, international] = [Mnemonics::German, Mnemonics::International].map(Words::new);
+        Self { german, international, both: Words::of_both(), of, scl }
+    }
+
+    /// True for a file of SCL.
+    pub(crate) fn is_scl(&self, file: usize) -> bool {
+        self.scl.get(file).copied().unwrap_or(false)
     }
 
     /// The set of each file.
@@ -64,6 +73,9 @@ impl Sets {
 
     /// The words a file is written in.
     pub(crate) fn of(&self, file: usize) -> &Words {
+        if self.is_scl(file) {
+            return &self.both;
+        }
         match self.of.get(file) {
             Some(Mnemonics::International) => &self.international,
             _ => &self.german,

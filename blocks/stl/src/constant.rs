@@ -11,7 +11,7 @@ use crate::type_words::with_article;
 
 /// A constant as written.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Constant {
+pub enum Constant {
     /// `TRUE`, `FALSE`.
     Bool(bool),
     /// A decimal number without prefix.
@@ -47,7 +47,7 @@ pub(crate) enum Constant {
 
 /// What `P##` of a function's parameter points to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ToParam {
+pub enum ToParam {
     /// The elementary actual itself.
     Actual,
     /// A POINTER to the composed actual, in the local data.
@@ -58,31 +58,31 @@ pub(crate) enum ToParam {
 
 /// `P#12.0`, `P#M 3.0`, `P#DB10.DBX0.0 BYTE 12`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PointerConstant {
+pub struct PointerConstant {
     /// `None`: area-internal.
-    pub(crate) area: Option<Area>,
-    pub(crate) at: BitAddr,
+    pub area: Option<Area>,
+    pub at: BitAddr,
     /// 0 when no data block is named.
-    pub(crate) db: u16,
+    pub db: u16,
     /// Type code and number of elements of an ANY.
-    pub(crate) any: Option<(u8, u16)>,
+    pub any: Option<(u8, u16)>,
     /// The same of the component it points to, where it names one.
-    pub(crate) own: Option<(u8, u16)>,
+    pub own: Option<(u8, u16)>,
 }
 
 impl PointerConstant {
     /// The 32-bit pointer.
-    pub(crate) fn bits(self) -> u32 {
+    pub fn bits(self) -> u32 {
         self.area.map_or(0, |a| u32::from(a.pointer_code()) << 24) | self.at.0
     }
 
     /// The 6 bytes of a POINTER: data block, pointer.
-    pub(crate) fn pointer_bytes(self) -> Vec<u8> {
+    pub fn pointer_bytes(self) -> Vec<u8> {
         [&self.db.to_be_bytes()[..], &self.bits().to_be_bytes()].concat()
     }
 
     /// How many bits an ANY names; `None`: elements without a length of their own.
-    pub(crate) fn any_bits(self) -> Option<u64> {
+    pub fn any_bits(self) -> Option<u64> {
         let (code, count) = self.any_or_byte();
         let (name, _) = ANY_TYPES.iter().find(|(_, known)| *known == code)?;
         let ty = simple_type(name).filter(|ty| !ty.is_parameter_type())?;
@@ -95,7 +95,7 @@ impl PointerConstant {
     }
 
     /// The 10 bytes of an ANY: 10h, type, count, data block, pointer.
-    pub(crate) fn any_bytes(self) -> Vec<u8> {
+    pub fn any_bytes(self) -> Vec<u8> {
         let (code, count) = self.any_or_byte();
         if code == 0 {
             // The null pointer, P#P 0.0 VOID 0, has nothing but its first byte.
@@ -107,13 +107,13 @@ impl PointerConstant {
 
 /// The ANY of a timer, counter or block: type code, number ["ANY Format for Parameter Types": the count is 1, bytes 4,
 /// 5 and 7 are 0, byte 6 repeats the type].
-pub(crate) fn any_of_number(code: u8, number: u16) -> Vec<u8> {
+pub fn any_of_number(code: u8, number: u16) -> Vec<u8> {
     let [high, low] = number.to_be_bytes();
     vec![0x10, code, 0, 1, 0, 0, code, 0, high, low]
 }
 
 /// Parses a number without sign, or a constant with prefix. The error is the sentence to report.
-pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
+pub fn parse(text: &str, negative: bool) -> Result<Constant, String> {
     let Some((prefix, body)) = text.split_once('#') else { return number(text, negative) };
     let wrong = |what: &str| Err(format!("{} is no {what}", clip(text)));
     match prefix.to_ascii_uppercase().as_str() {
@@ -222,7 +222,7 @@ fn decimal(body: &str) -> Option<i32> {
 }
 
 /// Characters of a text between its quotes, before which `CHAR#` may stand; `$` escapes as in STEP 7.
-pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
+pub fn text(quoted: &str) -> Result<Vec<u8>, String> {
     let inner = quoted.split_once('\'').map_or(quoted, |(_, inner)| inner);
     let inner = inner.strip_suffix('\'').unwrap_or(inner);
     let mut out = Vec::with_capacity(inner.len());
@@ -259,7 +259,7 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
 
 /// What a constant becomes in a cell.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Encoded {
+pub enum Encoded {
     /// An elementary value, right-aligned.
     Bits(u32),
     /// A composed value, laid out.
@@ -268,7 +268,7 @@ pub(crate) enum Encoded {
 
 impl Constant {
     /// Its value, when it is a whole number.
-    pub(crate) fn whole(&self) -> Option<i32> {
+    pub fn whole(&self) -> Option<i32> {
         match self {
             Constant::Integer(v) => i32::try_from(*v).ok(),
             Constant::DInt(v) => Some(*v),
@@ -278,7 +278,7 @@ impl Constant {
     }
 
     /// What `L` puts into ACCU1. An integer without prefix is 16 bits wide and not sign-extended.
-    pub(crate) fn load(&self) -> Result<u32, String> {
+    pub fn load(&self) -> Result<u32, String> {
         Ok(match self {
             Constant::Integer(v) => match i16::try_from(*v) {
                 Ok(v) => u32::from(v as u16),
@@ -304,7 +304,7 @@ impl Constant {
     }
 
     /// The constant as a value of type `ty`; the error says why it is not one.
-    pub(crate) fn encode(&self, ty: &DataType) -> Result<Encoded, String> {
+    pub fn encode(&self, ty: &DataType) -> Result<Encoded, String> {
         let encoded = match ty {
             DataType::Bool => match self {
                 Constant::Bool(v) => Some(u32::from(*v)),

@@ -158,7 +158,7 @@ impl Rest {
 
 /// Collects findings of one run.
 #[derive(Debug)]
-pub(crate) struct Sink {
+pub struct Sink {
     raw: Vec<Raw>,
     /// What is used and not there, by kind and name.
     missing: BTreeMap<String, Uses>,
@@ -167,21 +167,21 @@ pub(crate) struct Sink {
     /// Nearest words are looked up for so many findings only: the search is long compared with everything else.
     suggestions_left: u32,
     /// Elementary steps of work so far, see [`Output::steps`](crate::Output::steps).
-    pub(crate) steps: u64,
+    pub steps: u64,
 }
 
 impl Sink {
-    pub(crate) fn new() -> Self {
+    pub fn new() -> Self {
         Self { raw: Vec::new(), missing: BTreeMap::new(), foreign: BTreeSet::new(), suggestions_left: 200, steps: 0 }
     }
 
     /// A finding with the remedy of its table row.
-    pub(crate) fn report(&mut self, file: usize, span: Span, code: &'static Code, message: impl Into<String>) {
+    pub fn report(&mut self, file: usize, span: Span, code: &'static Code, message: impl Into<String>) {
         self.report_with(file, span, code, message, code.remedy);
     }
 
     /// A finding with a remedy of its own.
-    pub(crate) fn report_with(
+    pub fn report_with(
         &mut self,
         file: usize,
         span: Span,
@@ -195,7 +195,7 @@ impl Sink {
 
     /// A use of something that does not exist. All uses under one key are one finding, at the first of them; what it
     /// says is asked for once.
-    pub(crate) fn missing(
+    pub fn missing(
         &mut self,
         key: &str,
         file: usize,
@@ -214,13 +214,13 @@ impl Sink {
     }
 
     /// Reports that a source is not STL, and nothing else about it.
-    pub(crate) fn foreign(&mut self, file: usize, message: &str, remedy: &str) {
+    pub fn foreign(&mut self, file: usize, message: &str, remedy: &str) {
         self.foreign.insert(file);
         self.report_with(file, Span::default(), &codes::OTHER_LANGUAGE, message, remedy);
     }
 
     /// A finding about an unknown word: the remedy names the nearest known one.
-    pub(crate) fn report_unknown<'w>(
+    pub fn report_unknown<'w>(
         &mut self,
         file: usize,
         span: Span,
@@ -235,7 +235,7 @@ impl Sink {
     }
 
     /// The known word nearest to `word`, when one is near. Searches for a bounded number of words only.
-    pub(crate) fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
+    pub fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
         /// Candidates compared with one word.
         const CANDIDATES: usize = 2_000;
         if self.suggestions_left == 0 || word.len() > 40 {
@@ -260,8 +260,14 @@ impl Sink {
     }
 
     /// True when an error was found.
-    pub(crate) fn has_errors(&self) -> bool {
+    pub fn has_errors(&self) -> bool {
         self.raw.iter().any(|r| r.code.severity == Severity::Error) || !self.missing.is_empty()
+    }
+
+    /// How many errors were found, uses of what is not there counted once.
+    #[must_use]
+    pub fn errors(&self) -> usize {
+        self.raw.iter().filter(|r| r.code.severity == Severity::Error).count() + self.missing.len()
     }
 
     fn gather(&mut self) {
@@ -311,7 +317,7 @@ impl Sink {
     }
 
     /// As [`finish`](Self::finish), up to a limit.
-    pub(crate) fn finish_within(self, texts: &[&str], limit: Option<Limit>) -> (Vec<Diagnostic>, Rest) {
+    pub fn finish_within(self, texts: &[&str], limit: Option<Limit>) -> (Vec<Diagnostic>, Rest) {
         let all = self.finish(texts);
         match limit {
             Some(limit) => Self::within(all, limit),
@@ -321,7 +327,7 @@ impl Sink {
 
     /// The findings in source order, with lines and columns. A line has one error at most, the first: the others follow
     /// from it. One pass over each text, whatever the number of findings.
-    pub(crate) fn finish(mut self, texts: &[&str]) -> Vec<Diagnostic> {
+    pub fn finish(mut self, texts: &[&str]) -> Vec<Diagnostic> {
         self.gather();
         let mut wrong_line = (usize::MAX, 0u32);
         let mut out = Vec::with_capacity(self.raw.len());

@@ -290,7 +290,10 @@ impl<'e> Elaborator<'e> {
         if !self.spend(file, span, initial::size(ty) as u64 * 8) {
             return None;
         }
-        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        let mut resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        if self.sets.is_scl(file) {
+            resolver = resolver.with(&self.constants);
+        }
         let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens, span);
         initial::read(&resolver, &mut reader, ty)
     }
@@ -349,13 +352,12 @@ impl<'e> Elaborator<'e> {
     /// The interface of a code block. `None` when a declaration has a mistake that moves the others.
     fn interface(&mut self, index: usize, nesting: u32) -> Option<Info> {
         let block = self.blocks.get(index)?;
-        let mut constants = BTreeMap::new();
+        let outer = std::mem::take(&mut self.constants);
         for declaration in &block.constants {
-            if let Some(constant) = self.constant(block.file, declaration) {
-                constants.insert(declaration.name.to_uppercase(), constant);
+            if let Some(constant) = self.constant(block, declaration) {
+                self.constants.insert(declaration.name.to_uppercase(), constant);
             }
         }
-        let outer = std::mem::replace(&mut self.constants, constants);
         let info = self.declarations(block, nesting);
         let constants = std::mem::replace(&mut self.constants, outer);
         info.map(|mut info| {
@@ -414,7 +416,12 @@ impl<'e> Elaborator<'e> {
                 Some(resolved) => {
                     let mut param = Param::new("RET_VAL", Section::Return, resolved.ty);
                     // TIA Portal calls it like its function.
-                    if let NameRef::Symbol(name) = &block.name
+                    let called = match &block.name {
+                        NameRef::Symbol(name) => Some(name),
+                        NameRef::Bare(name) if block.scl.is_some() => Some(name),
+                        _ => None,
+                    };
+                    if let Some(name) = called
                         && !names.contains_key(&name.to_uppercase())
                     {
                         param.aliases.push(name.clone());
@@ -465,7 +472,9 @@ impl<'e> Elaborator<'e> {
             return None;
         };
         let resolved = self.ty(file, &declaration.ty, nesting)?;
-        let special = |ty: &DataType| ty.is_parameter_type() || matches!(ty, DataType::Pointer);
+        // SCL looks into POINTER and ANY by views.
+        let scl = self.sets.is_scl(file);
+        let special = |ty: &DataType| ty.is_parameter_type() || matches!(ty, DataType::Pointer) && !scl;
         if resolved.fb.is_some() || special(&resolved.ty) || special(&below) {
             let message = "AT overlays values only, not instances, timers, counters or blocks";
             self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
@@ -480,7 +489,8 @@ impl<'e> Elaborator<'e> {
     }
 
     /// One of `VAR CONSTANT`. `None` when it has no value, or a mistake (reported).
-    fn constant(&mut self, file: usize, declaration: &Declaration) -> Option<Constant> {
+    fn constant(&mut self, block: &Block, declaration: &Declaration) -> Option<Constant> {
+        let file = block.file;
         let Some(tokens) = declaration.initial.clone() else {
             self.sink.report(
                 file,
@@ -490,7 +500,10 @@ impl<'e> Elaborator<'e> {
             );
             return None;
         };
-        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        let mut resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        if block.scl.is_some() {
+            resolver = resolver.with(&self.constants);
+        }
         let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens, declaration.span);
         let constant = resolver.constant(&mut reader)?;
         reader.finish(&codes::INITIAL_VALUE);

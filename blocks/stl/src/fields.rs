@@ -11,13 +11,13 @@ type Places = BTreeMap<String, (usize, BitAddr)>;
 /// The components of structures by name, each structure indexed when first used. Valid as long as the types it has
 /// seen are neither changed nor dropped: structures are distinguished by their address.
 #[derive(Debug, Default)]
-pub(crate) struct FieldIndex {
+pub struct FieldIndex {
     known: RefCell<BTreeMap<*const Field, Places>>,
 }
 
 impl FieldIndex {
     /// A component: its type and its place in the structure.
-    pub(crate) fn find<'t>(&self, fields: &'t [Field], name: &str) -> Option<(&'t DataType, BitAddr)> {
+    pub fn find<'t>(&self, fields: &'t [Field], name: &str) -> Option<(&'t DataType, BitAddr)> {
         let mut known = self.known.borrow_mut();
         let index = known.entry(fields.as_ptr()).or_insert_with(|| index(fields));
         let (at, address) = index.get(&name.to_uppercase())?;

@@ -7,7 +7,7 @@ use ob1_model::{Area, BlockKind};
 
 /// What an operand identifier names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Identifier {
+pub enum Identifier {
     /// `M MB MW MD`, `DBX`, `PEW`, ...
     Memory(Area, Width),
     /// Width without area, for area-crossing register-indirect access: `B [AR1,P#0.0]`.
@@ -25,7 +25,7 @@ pub(crate) enum Identifier {
 
 /// A word before a block number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum BlockWord {
+pub enum BlockWord {
     Ob,
     Fc,
     Fb,
@@ -37,7 +37,7 @@ pub(crate) enum BlockWord {
 }
 
 #[rustfmt::skip]
-pub(crate) static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
+pub static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
     use Identifier::{Block, Counter, Crossing, DbLength, DbNumber, Memory, Register, Status, StatusWord, Timer};
     use Width::{Bit, Byte, DWord, Word};
     [
@@ -100,7 +100,7 @@ pub(crate) static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
 
 impl BlockWord {
     /// The word of a block operand, `FC` in `FC 9`; these are the same in both sets.
-    pub(crate) fn parse(word: &str) -> Option<Self> {
+    pub fn parse(word: &str) -> Option<Self> {
         Some(match word.to_ascii_uppercase().as_str() {
             "OB" => BlockWord::Ob,
             "FC" => BlockWord::Fc,
@@ -115,7 +115,7 @@ impl BlockWord {
     }
 
     /// The word of a kind of block. No source names system data.
-    pub(crate) const fn of(kind: BlockKind) -> Self {
+    pub const fn of(kind: BlockKind) -> Self {
         match kind {
             BlockKind::Ob => BlockWord::Ob,
             BlockKind::Fc => BlockWord::Fc,
@@ -127,7 +127,7 @@ impl BlockWord {
     }
 
     /// As written.
-    pub(crate) const fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             BlockWord::Ob => "OB",
             BlockWord::Fc => "FC",
@@ -141,7 +141,7 @@ impl BlockWord {
     }
 
     /// The block kind; none for UDTs, which are no blocks of the CPU. `DI 5` is data block 5.
-    pub(crate) const fn kind(self) -> Option<BlockKind> {
+    pub const fn kind(self) -> Option<BlockKind> {
         Some(match self {
             BlockWord::Ob => BlockKind::Ob,
             BlockWord::Fc => BlockKind::Fc,
@@ -155,7 +155,7 @@ impl BlockWord {
 }
 
 /// The relations to zero that `U O X` scan: `U ==0`.
-pub(crate) const RELATIONS: [(&str, StatusBit); 6] = [
+pub const RELATIONS: [(&str, StatusBit); 6] = [
     ("==", StatusBit::Zero),
     (">", StatusBit::Positive),
     ("<", StatusBit::Negative),

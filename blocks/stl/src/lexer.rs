@@ -39,7 +39,17 @@ const CONSTANT_PREFIXES: [&str; 28] = [
 
 /// Splits `text`. Every token costs one step; every character is read a bounded number of times.
 pub(crate) fn lex(file: usize, text: &str, sink: &mut Sink) -> Vec<Token> {
+    lex_as(file, text, false, sink)
+}
+
+/// The same for SCL: comments lie in each other, there are more operators, and the name of a REGION is any text.
+pub(crate) fn lex_scl(file: usize, text: &str, sink: &mut Sink) -> Vec<Token> {
+    lex_as(file, text, true, sink)
+}
+
+fn lex_as(file: usize, text: &str, scl: bool, sink: &mut Sink) -> Vec<Token> {
     let mut lexer = Lexer {
+        scl,
         lines_within: 0,
         in_head: false,
         stray_line: 0,
@@ -70,7 +80,33 @@ fn closed_list(text: &str) -> Option<usize> {
     None
 }
 
+/// Constants of SCL with `-` and `:` within them.
+const DATED: [&str; 7] = ["D", "DATE", "DT", "DATE_AND_TIME", "TOD", "TIME_OF_DAY", "DTL"];
+
+/// The length of the comment that begins here, others within it included; `None`: it is not closed.
+fn nested_comment(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let (mut at, mut open) = (0, 0u32);
+    while let Some(pair) = bytes.get(at..at + 2) {
+        match pair {
+            b"(*" => open += 1,
+            b"*)" => open = open.saturating_sub(1),
+            _ => {
+                at += 1;
+                continue;
+            }
+        }
+        at += 2;
+        if open == 0 {
+            return Some(at);
+        }
+    }
+    None
+}
+
 struct Lexer<'a> {
+    /// The text is SCL.
+    scl: bool,
     /// Line ends within the token under way.
     lines_within: u32,
     /// Between a block's first word and its first section or statement, where a line like `AUTHOR : x` has any text.
@@ -198,7 +234,11 @@ impl<'a> Lexer<'a> {
     fn comment(&mut self, start: usize, (open, close): (&str, &str)) -> bool {
         let text = self.rest();
         let inner = text.get(open.len()..).unwrap_or("");
-        let length = inner.find(close).map(|at| at + open.len() + close.len());
+        let length = if self.scl && open == "(*" {
+            nested_comment(text)
+        } else {
+            inner.find(close).map(|at| at + open.len() + close.len())
+        };
         if length.is_none() {
             let span = Span { start: start as u32, end: (start + open.len()) as u32 };
             self.sink.report(self.file, span, &codes::NOT_CLOSED, format!("the comment is not closed with {close}"));
@@ -243,6 +283,16 @@ impl<'a> Lexer<'a> {
         if self.in_head && (is_section(word) || ends_head(word)) {
             self.in_head = false;
         }
+        if self.scl && self.starts_line() && ["REGION", "END_REGION"].iter().any(|w| w.eq_ignore_ascii_case(word)) {
+            let end = self.at;
+            self.skip_line();
+            // A statement may follow the end of one on its line.
+            let rest = self.text.get(end..self.at).unwrap_or("");
+            if word.len() > 6 && rest.trim_start().starts_with(';') {
+                self.at = end;
+            }
+            return Kind::Region;
+        }
         if word.eq_ignore_ascii_case("TITLE") && self.title_follows() && self.title_may_stand() {
             self.skip_line();
             return Kind::Title;
@@ -269,14 +319,32 @@ impl<'a> Lexer<'a> {
         if matches!(self.peek(), Some('-' | '+')) {
             self.bump();
         }
-        let dated = word.len() == 1 && word.eq_ignore_ascii_case("D") || word.len() > 1 && word.contains(['t', 'T']);
+        let dated = if self.scl {
+            DATED.iter().any(|p| p.eq_ignore_ascii_case(word))
+        } else {
+            word.len() == 1 && word.eq_ignore_ascii_case("D") || word.len() > 1 && word.contains(['t', 'T'])
+        };
         self.skip_while(|c| c.is_ascii_alphanumeric() || "_.#".contains(c) || dated && "-:".contains(c));
+        if self.scl {
+            self.give_back_range(start);
+        }
         let exponent = word.eq_ignore_ascii_case("REAL") && matches!(self.peek(), Some('-' | '+'));
         if exponent && self.text.get(start..self.at).is_some_and(|t| t.ends_with(['e', 'E'])) {
             self.bump();
             self.skip_while(|c| c.is_ascii_digit());
         }
         Kind::Typed
+    }
+
+    /// `INT#1..5` is a range: the points belong to no constant, and a colon after one neither.
+    fn give_back_range(&mut self, start: usize) {
+        let constant = self.text.get(start..self.at).unwrap_or("");
+        if let Some(points) = constant.find("..") {
+            self.at = start + points;
+        }
+        while self.text.get(start..self.at).is_some_and(|t| t.ends_with([':', '.'])) {
+            self.at -= 1;
+        }
     }
 
     /// What the first word of a line tells about its place in a block: it may begin one.
@@ -424,8 +492,11 @@ impl<'a> Lexer<'a> {
             ']' => Kind::RightBracket,
             '.' if self.eat('.') => Kind::DotDot,
             '.' => Kind::Dot,
+            '=' if self.scl && self.eat('>') => Kind::Arrow,
             '=' | '>' => {
-                self.eat('=');
+                if !(self.scl && c == '=') {
+                    self.eat('=');
+                }
                 Kind::Operator
             }
             '<' => {
@@ -434,6 +505,10 @@ impl<'a> Lexer<'a> {
                 }
                 Kind::Operator
             }
+            '*' if self.scl && self.eat('*') => Kind::Operator,
+            '+' | '-' | '*' | '/' if self.scl && self.eat('=') => Kind::AssignWith,
+            '?' if self.scl && self.eat('=') => Kind::AssignWith,
+            '&' | '^' if self.scl => Kind::Operator,
             '+' | '-' | '*' | '/' => Kind::Operator,
             _ => {
                 self.skip_while(|c| !c.is_whitespace() && !is_word(c) && !c.is_ascii_punctuation());
@@ -443,7 +518,8 @@ impl<'a> Lexer<'a> {
                 self.stray_line = self.line;
                 let span = Span { start: start as u32, end: self.at as u32 };
                 let shown: String = self.text.get(start..self.at).unwrap_or("").chars().take(8).collect();
-                let message = format!("{} means nothing in STL", shown.escape_debug());
+                let language = if self.scl { "SCL" } else { "STL" };
+                let message = format!("{} means nothing in {language}", shown.escape_debug());
                 self.sink.report(self.file, span, &codes::STRAY_CHARACTER, message);
                 Kind::Bad
             }

@@ -19,6 +19,8 @@ mod elaborate;
 mod expand;
 mod fields;
 mod fit;
+mod fold;
+pub mod front;
 mod identifiers;
 mod initial;
 mod inspect;
@@ -87,9 +89,12 @@ pub use xref::{
     render_xref, xref, xref_with,
 };
 
+pub use fold::apply as fold_constants;
+
 use auto::Sets;
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
+use front::{Scope, Statements};
 use recognise::Other;
 use token::{File, Span};
 use words::Words;
@@ -146,25 +151,38 @@ const LONGEST_SOURCE: usize = 64 << 20;
 /// Compiles sources into a program. Blocks may call each other across sources and in any order.
 #[must_use]
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
+    compile_with(sources, library, options, None)
+}
+
+/// The same; blocks written in SCL are compiled by `scl`, where one is given.
+#[must_use]
+pub fn compile_with(
+    sources: &[Source],
+    library: &Library,
+    options: &Options,
+    scl: Option<&dyn Statements>,
+) -> Output {
     let mut sink = Sink::new();
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();
     let words = [Mnemonics::German, Mnemonics::International].map(Words::new);
     let words = [&words[0], &words[1]];
     let foreign: Vec<_> =
         sources.iter().zip(&decoded).map(|(source, text)| recognise::other(&source.name, text, words)).collect();
+    let is_scl: Vec<bool> = foreign.iter().map(|other| *other == Some(Other::Scl) && scl.is_some()).collect();
     let mut files = Vec::with_capacity(sources.len());
-    for (index, (text, other)) in decoded.iter().zip(&foreign).enumerate() {
-        files.push(file(index, text, *other, &mut sink));
+    for (index, ((text, other), scl)) in decoded.iter().zip(&foreign).zip(&is_scl).enumerate() {
+        files.push(file(index, text, other.filter(|_| !scl), *scl, &mut sink));
     }
     let ours: Vec<_> = files.iter().zip(&foreign).map(|(file, other)| other.is_none().then_some(file)).collect();
     let sets = Sets::new(match options.mnemonics {
         Mnemonics::Auto => auto::decide(&ours, words, &mut sink),
         set => ours.iter().map(|file| file.map_or(Mnemonics::German, |_| set)).collect(),
-    });
+    }, is_scl);
     let mut blocks = Vec::new();
     for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
         match other {
             None => blocks.extend(parser::parse(index, file, sets.of(index), &mut sink)),
+            Some(_) if sets.is_scl(index) => blocks.extend(parser::parse_scl(index, file, sets.of(index), &mut sink)),
             // Mistakes in another language are not reported.
             Some(_) => blocks.extend(parser::parse_declarations(index, file, sets.of(index), &mut Sink::new())),
         }
@@ -176,7 +194,8 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let demanded = elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);
     let mut whole = options.lints.then(lints::Whole::default);
-    let code = lower_all(&files, &blocks, &names, &world, &sets, whole.as_mut(), &mut sink);
+    let bodies = Bodies { whole: whole.as_mut(), scl };
+    let code = lower_all(&files, &blocks, &names, &world, &sets, bodies, &mut sink);
     if let Some(whole) = whole {
         whole.finish(&mut sink);
     }
@@ -205,7 +224,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     Output { program, diagnostics, rest, numbers, demanded, mnemonics: sets.all(), steps }
 }
 
-fn file<'t>(index: usize, text: &'t str, other: Option<Other>, sink: &mut Sink) -> File<'t> {
+fn file<'t>(index: usize, text: &'t str, other: Option<Other>, scl: bool, sink: &mut Sink) -> File<'t> {
     if let Some(other) = other {
         let (message, remedy) = other.says();
         sink.foreign(index, message, remedy);
@@ -219,7 +238,14 @@ fn file<'t>(index: usize, text: &'t str, other: Option<Other>, sink: &mut Sink) 
         sink.report(index, Span::default(), &codes::SOURCE_TOO_LONG, message);
         return File { text: "", tokens: Vec::new() };
     }
-    File { text, tokens: lexer::lex(index, text, sink) }
+    let tokens = if scl { lexer::lex_scl(index, text, sink) } else { lexer::lex(index, text, sink) };
+    File { text, tokens }
+}
+
+/// What statements are compiled with besides names.
+struct Bodies<'b> {
+    whole: Option<&'b mut lints::Whole>,
+    scl: Option<&'b dyn Statements>,
 }
 
 /// The code blocks, and the instance data blocks that calls name but no source declares.
@@ -231,9 +257,10 @@ fn lower_all(
     names: &[Option<Named>],
     world: &World,
     sets: &Sets,
-    lints: Option<&mut lints::Whole>,
+    bodies: Bodies<'_>,
     sink: &mut Sink,
 ) -> Lowered {
+    let Bodies { whole: lints, scl } = bodies;
     let ids: Vec<Option<BlockId>> =
         names.iter().map(|n| n.and_then(|(w, n)| Some(BlockId::new(w.kind()?, n)))).collect();
     let mut labels = BTreeMap::new();
@@ -248,7 +275,12 @@ fn lower_all(
     let mut found = lower::Found { wanted: BTreeMap::new(), opened: BTreeSet::new(), uses: Vec::new(), lints };
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };
-        if id.kind != ob1_model::BlockKind::Db && !block.foreign {
+        if block.scl.is_some()
+            && let Some(scl) = scl
+        {
+            let scope = Scope { file, world, sink, wanted: &mut found.wanted };
+            code.extend(scl.compile(*id, block, scope));
+        } else if id.kind != ob1_model::BlockKind::Db && !block.foreign {
             code.extend(lower::lower(*id, block, file, &names, &mut found, sink));
         }
     }

@@ -6,6 +6,7 @@ use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
 use crate::codes;
+use crate::fold;
 use crate::constant::{self, Constant, PointerConstant, ToParam};
 use crate::identifiers::{BlockWord, Identifier};
 use crate::operand::Resolver;
@@ -16,7 +17,15 @@ use crate::value::Value;
 
 impl Resolver<'_> {
     /// A constant of any kind. `None` when there is none (reported).
-    pub(crate) fn constant(&self, reader: &mut Reader<'_, '_>) -> Option<Constant> {
+    pub fn constant(&self, reader: &mut Reader<'_, '_>) -> Option<Constant> {
+        match self.constants {
+            Some(constants) => fold::sum(self, constants, reader, 0),
+            None => self.single_constant(reader),
+        }
+    }
+
+    /// A constant with its sign.
+    pub(crate) fn single_constant(&self, reader: &mut Reader<'_, '_>) -> Option<Constant> {
         let span = reader.here();
         let negative = match reader.peek().filter(|t| t.kind == Kind::Operator).map(|t| reader.text(t)) {
             Some(sign @ ("+" | "-")) => {

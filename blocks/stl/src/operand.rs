@@ -1,9 +1,12 @@
 //! Operands: tokens to places, numbers, constants and blocks.
 
+use std::collections::BTreeMap;
+
 use ob1_ir::{AddressRegister, Number, Operand, Place, StatusBit, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Section};
 
 use crate::codes;
+use crate::constant::Constant;
 use crate::identifiers::{BlockWord, Identifier, RELATIONS};
 use crate::parser::{split_digits, unquote};
 use crate::path::{self, Indices};
@@ -18,13 +21,15 @@ const LONGEST_IDENTIFIER: usize = 4;
 
 /// The names in scope.
 #[derive(Clone, Copy)]
-pub(crate) struct Resolver<'w> {
-    pub(crate) world: &'w World,
-    pub(crate) words: &'w Words,
+pub struct Resolver<'w> {
+    pub world: &'w World,
+    pub words: &'w Words,
     /// The block whose statements are resolved.
-    pub(crate) block: Option<(BlockKind, &'w Info)>,
+    pub block: Option<(BlockKind, &'w Info)>,
     /// Set within `[ ]`, where no further indirect address may stand.
     nested: bool,
+    /// Constants by name in capitals, where expressions of them may stand: in SCL.
+    pub(crate) constants: Option<&'w BTreeMap<String, Constant>>,
 }
 
 impl Indices for Resolver<'_> {
@@ -39,12 +44,18 @@ impl Indices for Resolver<'_> {
 
 impl<'w> Resolver<'w> {
     /// The names of the world; `block` adds the declarations of one of its blocks.
-    pub(crate) fn new(world: &'w World, words: &'w Words, block: Option<(BlockKind, &'w Info)>) -> Self {
-        Self { world, words, block, nested: false }
+    pub fn new(world: &'w World, words: &'w Words, block: Option<(BlockKind, &'w Info)>) -> Self {
+        Self { world, words, block, nested: false, constants: None }
+    }
+
+    /// The same with names of constants, of which there may be expressions.
+    #[must_use]
+    pub const fn with(self, constants: &'w BTreeMap<String, Constant>) -> Self {
+        Self { constants: Some(constants), ..self }
     }
 
     /// Reads the operand within `[ ]`.
-    pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
+    pub fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
             reader.report(span, &codes::INDIRECT, "an indirect address cannot be at an indirect address itself");
             return None;
@@ -53,7 +64,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// Reads one operand. `None` when it is not valid (reported).
-    pub(crate) fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
+    pub fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
         let span = reader.here();
         let Some(token) = reader.peek() else {
             reader.report(span, &codes::OPERAND_MISSING, "an operand is missing");
@@ -149,13 +160,13 @@ impl<'w> Resolver<'w> {
     }
 
     /// The block of the library that has this name.
-    pub(crate) fn offered(&self, name: &str) -> Option<BlockId> {
+    pub fn offered(&self, name: &str) -> Option<BlockId> {
         let id = self.world.names.get(&name.to_uppercase()).copied();
         id.filter(|id| self.world.blocks.contains_key(id))
     }
 
     /// The block whose usual name this is, where neither program nor library have it.
-    pub(crate) fn lacking(&self, name: &str) -> Option<BlockId> {
+    pub fn lacking(&self, name: &str) -> Option<BlockId> {
         let id = self.world.names.get(&name.to_uppercase()).copied()?;
         let is_there =
             self.world.blocks.contains_key(&id) || self.is_declared(name) || self.world.symbol(name).is_some();
@@ -163,12 +174,12 @@ impl<'w> Resolver<'w> {
     }
 
     /// True for a name that the block declares.
-    pub(crate) fn is_declared(&self, name: &str) -> bool {
+    pub fn is_declared(&self, name: &str) -> bool {
         self.block.is_some_and(|(_, info)| info.declared(name).is_some())
     }
 
     /// True for a word that means nothing here, and of which nothing is known.
-    pub(crate) fn is_unknown(&self, word: &str) -> bool {
+    pub fn is_unknown(&self, word: &str) -> bool {
         let (letters, digits) = split_digits(word);
         let is_identifier = |word: &str| self.words.identifier(word).is_some();
         let is_operand = is_identifier(word) || !digits.is_empty() && is_identifier(letters);
@@ -307,7 +318,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// What follows `DB10.`: `DBW 20` or the name of a component.
-    pub(crate) fn in_data(
+    pub fn in_data(
         &self,
         reader: &mut Reader<'_, '_>,
         word: BlockWord,
@@ -358,7 +369,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// An optimised data block has no addresses. `None`: reported.
-    pub(crate) fn refuse_optimized(&self, reader: &mut Reader<'_, '_>, db: u16, span: Span) -> Option<()> {
+    pub fn refuse_optimized(&self, reader: &mut Reader<'_, '_>, db: u16, span: Span) -> Option<()> {
         if self.world.data.get(&db).is_some_and(|data| data.optimized) {
             let message = format!("DB {db} is optimised, so it has no addresses");
             reader.report(span, &codes::OPTIMIZED, message);
@@ -377,7 +388,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `"symbol"`; a component may follow that of a data block.
-    pub(crate) fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         match self.world.symbol(name) {
             Some(Symbolic::Block(BlockWord::Db, n)) if reader.peek_kind() == Some(Kind::Dot) => {
                 reader.next();
@@ -409,7 +420,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `#name` with its components.
-    pub(crate) fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         let declared = self.block.and_then(|(kind, info)| {
             let (index, overlay) = info.declared(name)?;
             Some((kind, info, index, overlay))

@@ -6,7 +6,7 @@ use ob1_model::DataType;
 
 use crate::codes;
 use crate::identifiers::BlockWord;
-use crate::parser::{Parser, is_frame_or_section, unquote};
+use crate::parser::{Bodies, Parser, is_frame_or_section, unquote};
 use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::tia;
 use crate::token::{Kind, Span, Token};
@@ -268,6 +268,12 @@ impl Parser<'_, '_> {
             return TypeKind::Simple(DataType::String(254));
         }
         let span = self.here();
+        let constant = self.bodies == Bodies::Scl && self.peek_kind() != Some(Kind::Number);
+        if constant {
+            let tokens = self.up_to(&[Kind::RightBracket]);
+            self.eat(Kind::RightBracket);
+            return TypeKind::Text(tokens);
+        }
         let length = self.number().and_then(|n| u8::try_from(n).ok()).filter(|n| (1..=254).contains(n));
         let closed = self.eat(Kind::RightBracket);
         match length.filter(|_| closed) {
@@ -322,13 +328,35 @@ impl Parser<'_, '_> {
         }
     }
 
+    /// Tokens up to one of these kinds, or to the end of the line.
+    fn up_to(&mut self, ends: &[Kind]) -> std::ops::Range<usize> {
+        let from = self.at;
+        while self.peek().is_some_and(|t| t.kind != Kind::Newline && t.kind != Kind::Semicolon && !ends.contains(&t.kind)) {
+            self.bump();
+        }
+        from..self.at
+    }
+
     /// A bound of an array: a number, or the name of a constant.
     fn bound(&mut self) -> Option<Bound> {
+        if self.bodies == Bodies::Scl {
+            let before = self.at;
+            if let Some(number) = self.number().filter(|_| self.ends_bound()) {
+                return Some(Bound::Number(number));
+            }
+            self.at = before;
+            let tokens = self.up_to(&[Kind::DotDot, Kind::Comma, Kind::RightBracket]);
+            return (!tokens.is_empty()).then_some(Bound::Value(tokens));
+        }
         if let Some(name) = self.peek().filter(|t| matches!(t.kind, Kind::Symbol | Kind::Local | Kind::Word)) {
             self.bump();
             return Some(Bound::Named(unquote(self.text(name)).to_owned()));
         }
         self.number().map(Bound::Number)
+    }
+
+    fn ends_bound(&self) -> bool {
+        matches!(self.peek_kind(), Some(Kind::DotDot | Kind::Comma | Kind::RightBracket))
     }
 
     fn number(&mut self) -> Option<i32> {
@@ -364,5 +392,5 @@ impl Parser<'_, '_> {
 
 /// Words that end a list of declarations though its own end is missing.
 fn ends_declarations(word: &str) -> bool {
-    word.starts_with("END_") || matches!(word, "BEGIN" | "NETWORK") || is_frame_or_section(word)
+    word.starts_with("END_") || matches!(word, "BEGIN" | "NETWORK" | "CONST") || is_frame_or_section(word)
 }

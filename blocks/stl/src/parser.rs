@@ -114,14 +114,29 @@ pub(crate) fn is_frame_or_section(word: &str) -> bool {
 
 /// Parses one file.
 pub(crate) fn parse(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0, bodies: true };
+    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::Stl };
+    parser.file()
+}
+
+/// Parses the declarations of a file of SCL; each block keeps the tokens of its statements.
+pub(crate) fn parse_scl(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
+    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::Scl };
     parser.file()
 }
 
 /// Parses the declarations of a file alone: its statements are of another language.
 pub(crate) fn parse_declarations(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0, bodies: false };
+    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::LeftOut };
     parser.file()
+}
+
+/// What is done with statements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bodies {
+    Stl,
+    Scl,
+    /// They are of a language that is not compiled.
+    LeftOut,
 }
 
 pub(crate) struct Parser<'p, 's> {
@@ -130,8 +145,7 @@ pub(crate) struct Parser<'p, 's> {
     pub(crate) words: &'p Words,
     pub(crate) sink: &'p mut Sink,
     pub(crate) at: usize,
-    /// Statements are read; else they are left out.
-    bodies: bool,
+    pub(crate) bodies: Bodies,
 }
 
 impl<'s> Parser<'_, 's> {
@@ -256,7 +270,8 @@ impl<'s> Parser<'_, 's> {
             optimized: false,
             code_version1: false,
             constants: Vec::new(),
-            foreign: !self.bodies,
+            foreign: self.bodies == Bodies::LeftOut,
+            scl: None,
             sections: Vec::new(),
             shape: None,
             assignments: Vec::new(),
@@ -268,8 +283,10 @@ impl<'s> Parser<'_, 's> {
             self.result_type(&mut block, span);
         }
         self.header(&mut block, end);
-        if !self.bodies && frame != Frame::Db && frame != Frame::Udt {
+        if self.bodies != Bodies::Stl && frame != Frame::Db && frame != Frame::Udt {
+            let from = self.at;
             self.foreign_body(end);
+            block.scl = (self.bodies == Bodies::Scl).then_some(from..self.at);
         }
         self.body(&mut block, end, head);
         name.map(|_| block)
@@ -327,7 +344,7 @@ impl<'s> Parser<'_, 's> {
 
     /// Everything up to and with BEGIN, or up to what can only be the body.
     fn header(&mut self, block: &mut Block, end: &str) {
-        let begin = self.begin(end);
+        let begin = if self.bodies == Bodies::Scl { None } else { self.begin(end) };
         loop {
             let Some(token) = self.peek() else { return };
             if token.kind == Kind::Attributes {
@@ -358,6 +375,10 @@ impl<'s> Parser<'_, 's> {
             }
             if let Some(section) = Section::opened_by(&word) {
                 self.section(block, section);
+            } else if self.bodies == Bodies::Scl && !data && &*word == "CONST" {
+                self.constants(block);
+            } else if self.bodies == Bodies::Scl && !data && &*word == "LABEL" {
+                self.labels();
             } else if HEADER_WORDS.contains(&&*word) {
                 block.read_only |= &*word == "READ_ONLY";
                 block.non_retain |= &*word == "NON_RETAIN";
@@ -465,6 +486,12 @@ impl<'s> Parser<'_, 's> {
             _ => false,
         };
         let declarations = self.declarations("END_VAR", head, 0);
+        let section = match (self.bodies, block.frame, section) {
+            // VAR of a function lies in its local data.
+            (Bodies::Scl, Frame::Fc | Frame::Ob, Section::Static) => Section::Temp,
+            _ => section,
+        };
+        let allowed = allowed || self.bodies == Bodies::Scl && section == Section::Temp;
         if constant {
             block.constants.extend(declarations);
         } else if block.frame == Frame::Db && section == Section::Static {
@@ -490,11 +517,60 @@ impl<'s> Parser<'_, 's> {
         self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::Dot | Kind::LeftBracket))
     }
 
+    /// `CONST name := value; END_CONST`. Siemens' compiler takes BEGIN for its end, too.
+    fn constants(&mut self, block: &mut Block) {
+        self.bump();
+        loop {
+            self.skip_newlines();
+            let Some(token) = self.peek() else { return };
+            match self.keyword().as_deref() {
+                Some("END_CONST") => return self.bump(),
+                Some(word) if word == "BEGIN" || word == "CONST" || is_section(word) || word.starts_with("END_") => return,
+                _ => {}
+            }
+            if self.eat(Kind::Semicolon) {
+                continue;
+            }
+            let named = matches!(token.kind, Kind::Word | Kind::Local | Kind::Symbol);
+            if named {
+                self.bump();
+            }
+            if !named || !self.eat(Kind::Assign) {
+                self.report(token.span, &codes::DECLARATION, "a constant is written name := value;");
+                self.skip_statement();
+                continue;
+            }
+            let from = self.at;
+            while !matches!(self.peek_kind(), None | Some(Kind::Semicolon)) && !self.ends_constants() {
+                self.bump();
+            }
+            let ty = std::rc::Rc::new(Type::bad(token.span));
+            let name = unquote(self.text(token)).to_owned();
+            let initial = Some(from..self.at);
+            block.constants.push(crate::syntax::Declaration { name, span: token.span, ty, over: None, initial });
+        }
+    }
+
+    fn ends_constants(&self) -> bool {
+        self.keyword().is_some_and(|word| &*word == "BEGIN" || word.starts_with("END_"))
+    }
+
+    /// `LABEL a, b; END_LABEL`: what is declared there stands before a statement anyway.
+    fn labels(&mut self) {
+        while self.peek().is_some() && !self.keyword().is_some_and(|w| &*w == "END_LABEL" || &*w == "BEGIN") {
+            self.bump();
+        }
+        if self.keyword().as_deref() == Some("END_LABEL") {
+            self.bump();
+        }
+    }
+
     /// Skips statements of another language, up to the block's last word.
     fn foreign_body(&mut self, end: &str) {
         while let Some(token) = self.peek() {
             let word = self.text(token);
-            if token.kind == Kind::Word && (word.eq_ignore_ascii_case(end) || begins_block(word)) {
+            let ends = word.eq_ignore_ascii_case(end) || word.len() > 6 && FRAMES.iter().any(|f| f.1.eq_ignore_ascii_case(word));
+            if token.kind == Kind::Word && (ends || begins_block(word)) && !self.names_component() {
                 return;
             }
             self.bump();
@@ -581,14 +657,14 @@ fn is_optimized(attributes: &str) -> bool {
 }
 
 /// `"pump"` without its quotes, closed or not; also without a leading `#`.
-pub(crate) fn unquote(text: &str) -> &str {
+pub fn unquote(text: &str) -> &str {
     let text = text.strip_prefix('#').unwrap_or(text);
     let text = text.strip_prefix('"').unwrap_or(text);
     text.strip_suffix('"').unwrap_or(text)
 }
 
 /// `MW10` as `MW` and `10`.
-pub(crate) fn split_digits(word: &str) -> (&str, &str) {
+pub fn split_digits(word: &str) -> (&str, &str) {
     let letters = word.trim_end_matches(|c: char| c.is_ascii_digit()).len();
     word.split_at(letters)
 }

@@ -6,10 +6,10 @@ use crate::syntax::Tokens;
 use crate::token::{File, Kind, Span, Token};
 
 /// Reads the tokens of a range.
-pub(crate) struct Reader<'r, 's> {
-    pub(crate) index: usize,
-    pub(crate) file: &'r File<'s>,
-    pub(crate) sink: &'r mut Sink,
+pub struct Reader<'r, 's> {
+    pub index: usize,
+    pub file: &'r File<'s>,
+    pub sink: &'r mut Sink,
     at: usize,
     end: usize,
     /// The place of the statement, for messages about an empty range.
@@ -17,7 +17,7 @@ pub(crate) struct Reader<'r, 's> {
 }
 
 impl<'r, 's> Reader<'r, 's> {
-    pub(crate) fn new(index: usize, file: &'r File<'s>, sink: &'r mut Sink, range: Tokens, whole: Span) -> Self {
+    pub fn new(index: usize, file: &'r File<'s>, sink: &'r mut Sink, range: Tokens, whole: Span) -> Self {
         let mut reader = Self { index, file, sink, at: range.start, end: range.end, whole };
         reader.settle();
         reader
@@ -30,25 +30,25 @@ impl<'r, 's> Reader<'r, 's> {
         }
     }
 
-    pub(crate) fn peek(&self) -> Option<Token> {
+    pub fn peek(&self) -> Option<Token> {
         if self.at < self.end { self.file.tokens.get(self.at).copied() } else { None }
     }
 
-    pub(crate) fn peek_kind(&self) -> Option<Kind> {
+    pub fn peek_kind(&self) -> Option<Kind> {
         self.peek().map(|t| t.kind)
     }
 
     /// The tokens from the next on.
-    pub(crate) fn ahead(&self) -> impl Iterator<Item = Token> + use<'_, 'r, 's> {
+    pub fn ahead(&self) -> impl Iterator<Item = Token> + use<'_, 'r, 's> {
         self.file.tokens.get(self.at..self.end).unwrap_or_default().iter().copied()
     }
 
     /// The token after the next.
-    pub(crate) fn peek_second(&self) -> Option<Token> {
+    pub fn peek_second(&self) -> Option<Token> {
         if self.at + 1 < self.end { self.file.tokens.get(self.at + 1).copied() } else { None }
     }
 
-    pub(crate) fn next(&mut self) -> Option<Token> {
+    pub fn next(&mut self) -> Option<Token> {
         let token = self.peek()?;
         self.at += 1;
         self.sink.steps += 1;
@@ -56,25 +56,25 @@ impl<'r, 's> Reader<'r, 's> {
         Some(token)
     }
 
-    pub(crate) fn eat(&mut self, kind: Kind) -> Option<Token> {
+    pub fn eat(&mut self, kind: Kind) -> Option<Token> {
         if self.peek_kind() == Some(kind) { self.next() } else { None }
     }
 
-    pub(crate) fn text(&self, token: Token) -> &'s str {
+    pub fn text(&self, token: Token) -> &'s str {
         self.file.of(token)
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.peek().is_none()
     }
 
     /// The place of the next token, or of the statement at the end.
-    pub(crate) fn here(&self) -> Span {
+    pub fn here(&self) -> Span {
         self.peek().map_or(self.whole, |t| t.span)
     }
 
     /// From the next token to the last.
-    pub(crate) fn rest(&self) -> Span {
+    pub fn rest(&self) -> Span {
         match (self.peek(), self.end.checked_sub(1).and_then(|e| self.file.tokens.get(e))) {
             (Some(first), Some(last)) => first.span.to(last.span),
             _ => self.whole,
@@ -97,12 +97,12 @@ impl<'r, 's> Reader<'r, 's> {
         self.file.slice(span)
     }
 
-    pub(crate) fn report(&mut self, span: Span, code: &'static Code, message: impl Into<String>) {
+    pub fn report(&mut self, span: Span, code: &'static Code, message: impl Into<String>) {
         self.sink.report(self.index, span, code, message);
     }
 
     /// Reports what is left, unless it has been reported before; true when nothing is left.
-    pub(crate) fn finish(&mut self, code: &'static Code) -> bool {
+    pub fn finish(&mut self, code: &'static Code) -> bool {
         let Some(token) = self.peek() else { return true };
         if token.kind == Kind::Bad {
             return false;

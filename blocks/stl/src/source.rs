@@ -110,7 +110,7 @@ const CP1250: [(char, u8); 44] = [
 
 /// The byte of a character as a CPU stores it: that of CP1252, else of the code page of the countries that write it,
 /// CP1250 or CP1251.
-pub(crate) fn to_byte(c: char) -> Option<u8> {
+pub fn to_byte(c: char) -> Option<u8> {
     let cyrillic = || match c {
         'А'..='я' => u8::try_from(u32::from(c) - u32::from('А') + 0xC0).ok(),
         'Ё' => Some(0xA8),

@@ -2,21 +2,21 @@
 
 /// A range of bytes in a source's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Span {
-    pub(crate) start: u32,
-    pub(crate) end: u32,
+pub struct Span {
+    pub start: u32,
+    pub end: u32,
 }
 
 impl Span {
     /// From the start of one to the end of another.
-    pub(crate) fn to(self, other: Span) -> Span {
+    pub fn to(self, other: Span) -> Span {
         Span { start: self.start, end: other.end.max(self.end) }
     }
 }
 
 /// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
     /// A word: mnemonic, keyword, operand (`MW10`), name.
     Word,
     /// A number without sign: `10`, `1.0`, `1.5e-3`, `2#0101`, `16#FF`.
@@ -55,8 +55,14 @@ pub(crate) enum Kind {
     Dot,
     /// `..`.
     DotDot,
-    /// An operator: `= == <> < > <= >= + - * /`.
+    /// An operator: `= == <> < > <= >= + - * /`; in SCL also `** & ^`.
     Operator,
+    /// `=>` of SCL.
+    Arrow,
+    /// `+=`, `-=`, `*=`, `/=`, `?=` of SCL.
+    AssignWith,
+    /// `REGION name` or `END_REGION` of SCL, to the end of the line.
+    Region,
     /// The end of a line.
     Newline,
     /// Characters that belong to nothing.
@@ -65,25 +71,25 @@ pub(crate) enum Kind {
 
 /// A token with its place.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Token {
-    pub(crate) kind: Kind,
-    pub(crate) span: Span,
+pub struct Token {
+    pub kind: Kind,
+    pub span: Span,
     /// Line, from 1.
-    pub(crate) line: u32,
+    pub line: u32,
     /// White space, or the start of a line, precedes it.
-    pub(crate) spaced: bool,
+    pub spaced: bool,
 }
 
 /// A source's text with its tokens.
 #[derive(Debug)]
-pub(crate) struct File<'s> {
-    pub(crate) text: &'s str,
-    pub(crate) tokens: Vec<Token>,
+pub struct File<'s> {
+    pub text: &'s str,
+    pub tokens: Vec<Token>,
 }
 
 impl<'s> File<'s> {
     /// The text of a span.
-    pub(crate) fn slice(&self, span: Span) -> &'s str {
+    pub fn slice(&self, span: Span) -> &'s str {
         self.text.get(span.start as usize..span.end as usize).unwrap_or("")
     }
 
@@ -93,7 +99,7 @@ impl<'s> File<'s> {
     }
 
     /// The text of a token.
-    pub(crate) fn of(&self, token: Token) -> &'s str {
+    pub fn of(&self, token: Token) -> &'s str {
         self.slice(token.span)
     }
 }

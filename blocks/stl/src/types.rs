@@ -10,7 +10,9 @@ use crate::diagnostic::USES;
 use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
 use crate::identifiers::BlockWord;
 use crate::parse_types::TYPE_DEPTH;
-use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
+use crate::operand::Resolver;
+use crate::reader::Reader;
+use crate::syntax::{Bound, Declaration, NameRef, Tokens, Type, TypeKind};
 use crate::tia;
 use crate::token::Span;
 
@@ -20,6 +22,15 @@ impl Elaborator<'_> {
         let resolved = match &ty.kind {
             TypeKind::Bad => return None,
             TypeKind::Simple(simple) => Resolved { ty: simple.clone(), fb: None, depth: 0 },
+            TypeKind::Text(length) => {
+                let length = self.number_of(file, length, ty.span).and_then(|n| u8::try_from(n).ok());
+                let Some(length) = length.filter(|n| (1..=254).contains(n)) else {
+                    let message = "a STRING has a length from 1 to 254: STRING[20]";
+                    self.sink.report(file, ty.span, &codes::STRING_LENGTH, message);
+                    return None;
+                };
+                Resolved { ty: DataType::String(length), fb: None, depth: 0 }
+            }
             TypeKind::Array(dims, element) => self.array(file, ty.span, dims, element, nesting)?,
             TypeKind::Struct(declarations) => {
                 let (fields, depth) = self.fields(file, declarations, nesting)?;
@@ -80,10 +91,26 @@ impl Elaborator<'_> {
         Some(Resolved { ty: DataType::Array(dims, Box::new(inner.ty)), fb: inner.fb, depth: inner.depth + 1 })
     }
 
+    /// The whole number that an expression of constants gives.
+    fn number_of(&mut self, file: usize, tokens: &Tokens, span: Span) -> Option<i32> {
+        let resolver = Resolver::new(&self.world, self.sets.of(file), None).with(&self.constants);
+        let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens.clone(), span);
+        let constant = resolver.constant(&mut reader)?;
+        reader.finish(&codes::ARRAY_BOUNDS).then(|| constant.whole())?
+    }
+
     /// A bound as a number. `None` when it is the name of no constant of the block (reported).
     fn bound(&mut self, file: usize, span: Span, bound: &Bound) -> Option<i32> {
         let name = match bound {
             Bound::Number(number) => return Some(*number),
+            Bound::Value(tokens) => {
+                let number = self.number_of(file, tokens, span).filter(|n| i16::try_from(*n).is_ok());
+                if number.is_none() {
+                    let message = "a bound of an array is a whole number from -32768 to 32767";
+                    self.sink.report(file, span, &codes::ARRAY_BOUNDS, message);
+                }
+                return number;
+            }
             Bound::Named(name) => name,
         };
         let number = self.constants.get(&name.to_uppercase()).and_then(Constant::whole);

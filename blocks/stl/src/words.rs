@@ -70,14 +70,14 @@ impl Table<()> {
 
 /// The words of one set.
 #[derive(Debug)]
-pub(crate) struct Words {
+pub struct Words {
     mnemonics: Table<&'static Row>,
     identifiers: Table<Identifier>,
     set: Mnemonics,
 }
 
 impl Words {
-    pub(crate) fn new(set: Mnemonics) -> Self {
+    pub fn new(set: Mnemonics) -> Self {
         let mnemonics = Table::new(ROWS.iter().map(|r| (r.word(set), r)));
         let identifiers = IDENTIFIERS.iter().map(|row| (identifier_word(row, set), row.2));
         Self { mnemonics, identifiers: Table::new(identifiers), set }
@@ -85,32 +85,32 @@ impl Words {
 
     /// The mnemonics of one set with the identifiers of both, for addresses of symbol tables: an identifier that both
     /// sets have names the same in both.
-    pub(crate) fn of_both() -> Self {
+    pub fn of_both() -> Self {
         let identifiers = Table::new(IDENTIFIERS.iter().flat_map(|(de, en, i)| [(*de, *i), (*en, *i)]));
         Self { identifiers, ..Self::new(Mnemonics::German) }
     }
 
     /// The mnemonic written `word`, whatever its case.
-    pub(crate) fn mnemonic(&self, word: &str) -> Option<&'static Row> {
+    pub fn mnemonic(&self, word: &str) -> Option<&'static Row> {
         self.mnemonics.get(Packed::new(word)?)
     }
 
     /// The mnemonic that two parts make together.
-    pub(crate) fn mnemonic_of(&self, first: &str, second: &str) -> Option<&'static Row> {
+    pub fn mnemonic_of(&self, first: &str, second: &str) -> Option<&'static Row> {
         self.mnemonics.get(Packed::joined(first, second)?)
     }
 
     /// The operand identifier written `word`, whatever its case.
-    pub(crate) fn identifier(&self, word: &str) -> Option<Identifier> {
+    pub fn identifier(&self, word: &str) -> Option<Identifier> {
         self.identifiers.get(Packed::new(word)?)
     }
 
-    pub(crate) fn mnemonic_words(&self) -> impl Iterator<Item = &'static str> {
+    pub fn mnemonic_words(&self) -> impl Iterator<Item = &'static str> {
         let set = self.set;
         ROWS.iter().map(move |r| r.word(set))
     }
 
-    pub(crate) fn identifier_words(&self) -> impl Iterator<Item = &'static str> {
+    pub fn identifier_words(&self) -> impl Iterator<Item = &'static str> {
         let set = self.set;
         IDENTIFIERS.iter().map(move |row| identifier_word(row, set))
     }
@@ -136,7 +136,7 @@ impl Words {
 
     /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this
     /// one.
-    pub(crate) fn is_foreign(&self, word: &str) -> bool {
+    pub fn is_foreign(&self, word: &str) -> bool {
         let german = self.set != Mnemonics::International;
         // What both sets write alike belongs to this one as well.
         let other = |de: &str, en: &str| de != en && (if german { en } else { de }).eq_ignore_ascii_case(word);

@@ -15,34 +15,34 @@ use crate::token::Span;
 
 /// A block's interface, with its names ready to be looked up.
 #[derive(Debug)]
-pub(crate) struct Info {
+pub struct Info {
     /// The name a message may call it by.
-    pub(crate) name: Option<String>,
-    pub(crate) interface: Interface,
+    pub name: Option<String>,
+    pub interface: Interface,
     /// Names and aliases in capitals, to the index of the declaration.
     names: BTreeMap<String, usize>,
     /// For each declaration its index among the formals.
     formals: Vec<Option<u16>>,
     /// Declarations that are instances of an FB.
-    pub(crate) instances: BTreeMap<usize, BlockId>,
+    pub instances: BTreeMap<usize, BlockId>,
     /// `VAR CONSTANT`, by name in capitals.
-    pub(crate) constants: BTreeMap<String, Constant>,
+    pub constants: BTreeMap<String, Constant>,
     /// `y AT x : TYPE`, by name in capitals: the index of the underlying variable, and how it is seen.
-    pub(crate) overlays: BTreeMap<String, (usize, DataType)>,
+    pub overlays: BTreeMap<String, (usize, DataType)>,
     /// Addresses into its instance are refused.
-    pub(crate) optimized: bool,
+    pub optimized: bool,
     /// Its instance begins with the data block in the DI register.
-    pub(crate) code_version1: bool,
+    pub code_version1: bool,
     /// Of OB 1: where its input `Initial_Call` lies.
-    pub(crate) initial_call: Option<BitAddr>,
+    pub initial_call: Option<BitAddr>,
     /// Inputs of an organization block that nothing supplies.
-    pub(crate) unsupplied: BTreeSet<usize>,
+    pub unsupplied: BTreeSet<usize>,
     /// Inputs that take a data block as its number.
-    pub(crate) db_any: BTreeSet<usize>,
+    pub db_any: BTreeSet<usize>,
 }
 
 /// A block's information for messages: `FC 9 (SYNCHRON_RESET)`.
-pub(crate) fn called(id: BlockId, info: &Info) -> String {
+pub fn called(id: BlockId, info: &Info) -> String {
     match &info.name {
         Some(name) => format!("{id} ({name})"),
         None => id.to_string(),
@@ -50,7 +50,7 @@ pub(crate) fn called(id: BlockId, info: &Info) -> String {
 }
 
 impl Info {
-    pub(crate) fn new(name: Option<String>, interface: Interface, instances: BTreeMap<usize, BlockId>) -> Self {
+    pub fn new(name: Option<String>, interface: Interface, instances: BTreeMap<usize, BlockId>) -> Self {
         let mut names = BTreeMap::new();
         let mut formals = Vec::with_capacity(interface.params.len());
         let mut next = 0u16;
@@ -80,7 +80,7 @@ impl Info {
     }
 
     /// The index of what a name of the block means, and the type it is seen with where that is an overlay.
-    pub(crate) fn declared(&self, name: &str) -> Option<(usize, Option<&DataType>)> {
+    pub fn declared(&self, name: &str) -> Option<(usize, Option<&DataType>)> {
         let name = name.to_uppercase();
         match self.names.get(&name) {
             Some(index) => Some((*index, None)),
@@ -89,46 +89,46 @@ impl Info {
     }
 
     /// The index of a declaration by name or alias.
-    pub(crate) fn find(&self, name: &str) -> Option<usize> {
+    pub fn find(&self, name: &str) -> Option<usize> {
         self.names.get(&name.to_uppercase()).copied()
     }
 
     /// The index among the formals of a declaration.
-    pub(crate) fn formal(&self, declaration: usize) -> Option<u16> {
+    pub fn formal(&self, declaration: usize) -> Option<u16> {
         self.formals.get(declaration).copied().flatten()
     }
 }
 
 /// A data block.
 #[derive(Debug)]
-pub(crate) struct Data {
-    pub(crate) name: Option<String>,
-    pub(crate) kind: DataKind,
+pub struct Data {
+    pub name: Option<String>,
+    pub kind: DataKind,
     /// The declarations, composed types whole.
-    pub(crate) components: Vec<Component>,
+    pub components: Vec<Component>,
     names: BTreeMap<String, usize>,
     /// The load values.
-    pub(crate) image: Vec<u8>,
-    pub(crate) read_only: bool,
-    pub(crate) non_retain: bool,
+    pub image: Vec<u8>,
+    pub read_only: bool,
+    pub non_retain: bool,
     /// Addresses into it are refused.
-    pub(crate) optimized: bool,
+    pub optimized: bool,
 }
 
 impl Data {
-    pub(crate) fn new(kind: DataKind, components: Vec<Component>, image: Vec<u8>) -> Self {
+    pub fn new(kind: DataKind, components: Vec<Component>, image: Vec<u8>) -> Self {
         let names = components.iter().enumerate().map(|(i, c)| (c.path.to_uppercase(), i)).collect();
         Self { name: None, kind, components, names, image, read_only: false, non_retain: false, optimized: false }
     }
 
-    pub(crate) fn find(&self, name: &str) -> Option<&Component> {
+    pub fn find(&self, name: &str) -> Option<&Component> {
         self.components.get(*self.names.get(&name.to_uppercase())?)
     }
 }
 
 /// What a symbol stands for.
 #[derive(Clone, Debug)]
-pub(crate) enum Symbolic {
+pub enum Symbolic {
     Block(BlockWord, u16),
     Memory(Operand, Option<DataType>),
     Timer(u16),
@@ -141,28 +141,28 @@ pub(crate) enum Symbolic {
 
 /// Everything a statement can name.
 #[derive(Debug, Default)]
-pub(crate) struct World {
+pub struct World {
     /// The program's blocks and those of the library.
-    pub(crate) blocks: BTreeMap<BlockId, Info>,
-    pub(crate) data: BTreeMap<u16, Data>,
+    pub blocks: BTreeMap<BlockId, Info>,
+    pub data: BTreeMap<u16, Data>,
     /// By name in capitals.
-    pub(crate) symbols: BTreeMap<String, Symbolic>,
-    pub(crate) fields: FieldIndex,
+    pub symbols: BTreeMap<String, Symbolic>,
+    pub fields: FieldIndex,
     /// What the library says of blocks it does not have.
-    pub(crate) missing: BTreeMap<BlockId, Missing>,
+    pub missing: BTreeMap<BlockId, Missing>,
     /// Names in capitals of the library's blocks, and of those that usually have one.
-    pub(crate) names: BTreeMap<String, BlockId>,
+    pub names: BTreeMap<String, BlockId>,
     /// The program's own blocks, those with mistakes too.
-    pub(crate) own: BTreeSet<BlockId>,
+    pub own: BTreeSet<BlockId>,
     /// Own data blocks that could not be made, with the block that is missing.
-    pub(crate) unmade: BTreeMap<u16, BlockId>,
+    pub unmade: BTreeMap<u16, BlockId>,
     /// Symbols of the peripheral area, in capitals: true for outputs.
-    pub(crate) peripheral: BTreeMap<String, bool>,
+    pub peripheral: BTreeMap<String, bool>,
 }
 
 impl World {
     /// What to say of a block that neither program nor library have, and what to do.
-    pub(crate) fn unknown_block(&self, id: BlockId) -> Missing {
+    pub fn unknown_block(&self, id: BlockId) -> Missing {
         self.missing.get(&id).cloned().unwrap_or_else(|| Missing {
             message: match id.kind {
                 BlockKind::Fb => {
@@ -180,7 +180,7 @@ impl World {
     }
 
     /// Reports a use of a block that is not there, unless it is the program's own with a mistake.
-    pub(crate) fn report_missing(&self, id: BlockId, file: usize, span: Span, sink: &mut Sink) {
+    pub fn report_missing(&self, id: BlockId, file: usize, span: Span, sink: &mut Sink) {
         if self.own.contains(&id) {
             return;
         }
@@ -191,7 +191,7 @@ impl World {
     }
 
     /// Reports a use of a data block that is not there, or of what it is made from.
-    pub(crate) fn report_missing_data(&self, db: u16, name: &str, file: usize, span: Span, sink: &mut Sink) {
+    pub fn report_missing_data(&self, db: u16, name: &str, file: usize, span: Span, sink: &mut Sink) {
         if let Some(of) = self.unmade.get(&db) {
             return self.report_missing(*of, file, span, sink);
         }
@@ -205,7 +205,7 @@ impl World {
     }
 
     /// Reports a use of a symbol that no table has.
-    pub(crate) fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
+    pub fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
         let shown: String = name.chars().take(64).collect();
         sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
             let message = format!("the symbol \"{shown}\" is in no symbol table");
@@ -221,7 +221,7 @@ impl World {
         });
     }
 
-    pub(crate) fn symbol(&self, name: &str) -> Option<&Symbolic> {
+    pub fn symbol(&self, name: &str) -> Option<&Symbolic> {
         self.symbols.get(&name.to_uppercase())
     }
 }

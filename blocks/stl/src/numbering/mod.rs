@@ -2,6 +2,7 @@
 //! its kind that nothing in the program, its symbol tables and its libraries mentions.
 
 mod demand;
+pub use demand::OF_FUNCTIONS;
 pub(crate) mod numbered;
 mod ob_names;
 
@@ -103,6 +104,13 @@ impl Elaborator<'_> {
         // Instance data blocks that only a call names.
         for block in self.blocks {
             let Some(file) = self.files.get(block.file) else { continue };
+            for (fb, name, span) in scl_instances(file, block) {
+                let key = name.to_uppercase();
+                if self.is_function_block(fb) && !self.world.symbols.contains_key(&key) && is_no_address(name) {
+                    let (file, word) = (block.file, BlockWord::Db);
+                    wanted.entry(key).or_insert_with(|| Wanted { name: name.to_owned(), word, file, span });
+                }
+            }
             let calls = block.statements.iter().filter(|s| s.row.is_some_and(|r| matches!(r.shape, Shape::Call(_))));
             for statement in calls {
                 let tokens = file.tokens.get(statement.operand.clone()).unwrap_or_default();
@@ -123,6 +131,28 @@ impl Elaborator<'_> {
         wanted
     }
 
+    /// True for a function block of the sources, the symbol tables or the library.
+    fn is_function_block(&self, name: &str) -> bool {
+        let own = |block: &crate::syntax::Block| {
+            let called = match &block.name {
+                NameRef::Symbol(own) | NameRef::Bare(own) => own.eq_ignore_ascii_case(name),
+                NameRef::Absolute(..) => false,
+            };
+            block.frame == Frame::Fb && called
+        };
+        match self.world.symbol(name) {
+            Some(Symbolic::Block(word, _)) => matches!(word, BlockWord::Fb | BlockWord::Sfb),
+            Some(_) => false,
+            None => {
+                let number = split_digits(name);
+                let absolute = matches!(BlockWord::parse(number.0), Some(BlockWord::Fb | BlockWord::Sfb));
+                absolute && !number.1.is_empty()
+                    || self.blocks.iter().any(own)
+                    || self.library.names().get(&name.to_uppercase()).is_some_and(|id| id.kind.has_instance())
+            }
+        }
+    }
+
     /// An organization block gets its number by its name.
     fn name_ob(&mut self, key: String, name: &str, file: usize, span: Span) {
         match ob_names::number(name) {
@@ -138,6 +168,22 @@ impl Elaborator<'_> {
             }
         }
     }
+}
+
+/// False for `DB5`, a data block by its number.
+fn is_no_address(name: &str) -> bool {
+    let (letters, digits) = split_digits(name);
+    digits.is_empty() || BlockWord::parse(letters).is_none()
+}
+
+/// `FB.DB(` in statements of SCL: the name of the function block, and that of the data block with its place.
+fn scl_instances<'f>(file: &'f File<'_>, block: &crate::syntax::Block) -> Vec<(&'f str, &'f str, Span)> {
+    let tokens = block.scl.clone().and_then(|range| file.tokens.get(range)).unwrap_or_default();
+    let is_name = |t: &crate::token::Token| matches!(t.kind, Kind::Word | Kind::Symbol);
+    let calls = tokens.array_windows::<4>().filter(|[fb, dot, db, open]| {
+        is_name(fb) && dot.kind == Kind::Dot && is_name(db) && open.kind == Kind::LeftParen
+    });
+    calls.map(|[fb, _, db, _]| (unquote(file.of(*fb)), unquote(file.of(*db)), db.span)).collect()
 }
 
 /// The first number from `next` on that is not taken; it is then. 0 in `next`: there is none left, nobody looks again.

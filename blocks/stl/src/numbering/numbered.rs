@@ -14,7 +14,7 @@ pub struct Numbered {
 
 impl Numbered {
     /// The name as a symbol.
-    pub(crate) fn symbol(&self) -> Symbol {
+    pub fn symbol(&self) -> Symbol {
         Symbol { name: self.name.clone(), address: self.id.to_string(), ty: None }
     }
 }

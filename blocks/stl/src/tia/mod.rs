@@ -97,7 +97,7 @@ fn family(id: BlockId, of_1500: bool) -> Option<Family> {
 }
 
 /// The block that is meant by a call of an IEC timer or counter with an instance: `CALL TON` with an IEC_TIMER.
-pub(crate) fn called_with(called: BlockId, instance: BlockId) -> BlockId {
+pub fn called_with(called: BlockId, instance: BlockId) -> BlockId {
     match family(called, false) {
         Some(one) if family(instance, true) == Some(one) => BlockId::new(called.kind, called.number + OF_1500),
         _ => called,
@@ -110,12 +110,12 @@ pub(crate) fn is_data_type(fb: BlockId) -> bool {
 }
 
 /// The blocks of these system data types.
-pub(crate) fn data_types() -> impl Iterator<Item = BlockId> {
+pub fn data_types() -> impl Iterator<Item = BlockId> {
     (OF_1500..OF_1500 + 6).map(|number| BlockId::new(BlockKind::Sfb, number))
 }
 
 /// True for blocks that can run with each other's instance: IEC_TIMER and IEC_COUNTER are one type each.
-pub(crate) fn same_instance(one: BlockId, other: BlockId) -> bool {
+pub fn same_instance(one: BlockId, other: BlockId) -> bool {
     family(one, true).is_some_and(|family_of_one| family(other, true) == Some(family_of_one))
 }
 

@@ -1,0 +1,251 @@
+//! Assignments: elementary values, texts, whole structures and arrays.
+
+use ob1_ir::{Arg, Call as IrCall, CallMode, Op, Operand, Place, Target, Width};
+use ob1_model::{Area, BitAddr, DataType, Layout};
+
+use crate::code::{Code, local};
+use crate::tree::{Base, Kind, Side, Typed, Var};
+
+/// Bytes up to which a structure is moved by single statements.
+const SHORT: u32 = 128;
+
+impl Code {
+    /// `target := value`.
+    pub(crate) fn assign(&mut self, target: &Var<'_>, ty: &DataType, value: &Typed<'_>) {
+        match ty {
+            DataType::Bool => self.assign_bit(target, value),
+            DataType::String(max) => self.assign_text(target, *max, value),
+            _ if ty.is_composed() => self.assign_composed(target, ty, value),
+            _ => self.assign_value(target, ty, value),
+        }
+    }
+
+    fn assign_bit(&mut self, target: &Var<'_>, value: &Typed<'_>) {
+        if target.is_direct() {
+            self.bits(value);
+            let place = self.place(target);
+            self.op(Op::Assign(place));
+            return;
+        }
+        let bit = self.kept_bit(value);
+        let place = self.place(target);
+        self.op(Op::Scan { logic: ob1_ir::Logic::And, negate: false, test: ob1_ir::BitTest::Bit(bit) });
+        self.op(Op::Assign(place));
+    }
+
+    fn assign_value(&mut self, target: &Var<'_>, ty: &DataType, value: &Typed<'_>) {
+        let width = Width::of(ty).unwrap_or(Width::Word);
+        if target.is_direct() {
+            self.value(value);
+            let place = self.place(target);
+            self.op(Op::Transfer(Operand { width, place }));
+            return;
+        }
+        // A data block that is opened for the value would not be that of the target.
+        let simple = match &value.kind {
+            Kind::Constant(_) => true,
+            Kind::Var(var) => value.is_leaf() && !matches!(var.base, Base::Db(_)),
+            _ => false,
+        };
+        if simple {
+            let place = self.place(target);
+            self.value(value);
+            self.op(Op::Transfer(Operand { width, place }));
+            return;
+        }
+        self.value(value);
+        let kept = self.temp(width);
+        self.op(Op::Transfer(kept));
+        let place = self.place(target);
+        self.op(Op::Load(kept));
+        self.op(Op::Transfer(Operand { width, place }));
+    }
+
+    /// A whole structure, array, DATE_AND_TIME, POINTER or ANY.
+    fn assign_composed(&mut self, target: &Var<'_>, ty: &DataType, value: &Typed<'_>) {
+        match &value.kind {
+            Kind::Bytes(bytes) => {
+                let place = self.place(target);
+                self.write_bytes(place, 0, bytes);
+            }
+            Kind::Var(source) => self.copy(target, source, ty),
+            Kind::Call(call) => {
+                let direct = matches!(target.base, Base::Fixed(Area::Local)) && target.is_direct();
+                let into = if direct { Some(self.place(target)) } else { None };
+                let result = self.call(call, into);
+                if let (None, Some(Place::Fixed(_, at))) = (into, result) {
+                    self.copy(target, &in_local(at), ty);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Bytes from one variable to another of the same type.
+    pub(crate) fn copy(&mut self, target: &Var<'_>, source: &Var<'_>, ty: &DataType) {
+        let bytes = Layout::bits(ty).div_ceil(8);
+        let fixed = |var: &Var<'_>| var.is_direct() && !matches!(var.base, Base::Param(_));
+        if bytes > SHORT && fixed(target) && fixed(source)
+            && let Some(id) = self.move_block
+        {
+            return self.move_block(id, target, source, bytes);
+        }
+        if target.is_direct() || source.is_direct() && matches!(source.base, Base::Fixed(_) | Base::Instance | Base::Param(_)) {
+            // Only one of them needs AR1 or the DB register.
+            let db = matches!(target.base, Base::Db(_)) && !source.is_direct();
+            if !db {
+                let (from, to) = (self.place(source), self.place(target));
+                return self.move_words(from, to, bytes);
+            }
+        }
+        let between = in_local(self.take(bytes));
+        let from = self.place(source);
+        let kept = Place::Fixed(Area::Local, between.at);
+        self.move_words(from, kept, bytes);
+        let to = self.place(target);
+        self.move_words(kept, to, bytes);
+    }
+
+    fn move_words(&mut self, from: Place, to: Place, bytes: u32) {
+        for (at, width) in pieces(bytes) {
+            self.op(Op::Load(Operand { width, place: beyond(from, at) }));
+            self.op(Op::Transfer(Operand { width, place: beyond(to, at) }));
+        }
+    }
+
+    /// SFC 20 with the two places.
+    fn move_block(&mut self, id: ob1_model::BlockId, target: &Var<'_>, source: &Var<'_>, bytes: u32) {
+        let any = (2, bytes as u16);
+        let from = self.any(source, Some(any));
+        let to = self.any(target, Some(any));
+        let result = self.temp(Width::Word);
+        let args = vec![from, Arg::Operand(result), to];
+        // SRCBLK, RET_VAL, DSTBLK lie in the order of the formals: input, output, return value.
+        let args = match args.as_slice() {
+            [from, result, to] => vec![from.clone(), to.clone(), result.clone()],
+            _ => args,
+        };
+        self.native(id, args);
+    }
+
+    /// Constant bytes into memory.
+    pub(crate) fn write_bytes(&mut self, place: Place, from: u32, bytes: &[u8]) {
+        for (at, width) in pieces(bytes.len() as u32) {
+            let part = bytes.get(at as usize..(at + width.bytes()) as usize).unwrap_or_default();
+            let value = part.iter().fold(0u32, |value, byte| value << 8 | u32::from(*byte));
+            self.op(Op::LoadConst(value));
+            self.op(Op::Transfer(Operand { width, place: beyond(place, from + at) }));
+        }
+    }
+
+    /// A text: the target keeps its maximum length; what is longer is cut off.
+    fn assign_text(&mut self, target: &Var<'_>, max: u8, value: &Typed<'_>) {
+        let temporary = matches!(target.base, Base::Fixed(Area::Local)) && target.is_direct();
+        match &value.kind {
+            Kind::Bytes(bytes) => {
+                let length = bytes.get(1).copied().unwrap_or(0).min(max);
+                let text = bytes.get(2..2 + usize::from(length)).unwrap_or_default();
+                let place = self.place(target);
+                let head = [max, length];
+                self.write_bytes(place, 0, &head);
+                self.write_bytes(place, 2, text);
+            }
+            Kind::Call(call) if temporary => {
+                let place = self.place(target);
+                self.call(call, Some(place));
+            }
+            Kind::Call(call) => {
+                if let Some(place) = self.call(call, None) {
+                    self.join(place, target);
+                }
+            }
+            Kind::Var(source) if *value.ty == DataType::Char => {
+                let operand = self.operand(source, value.ty);
+                self.op(Op::Load(operand));
+                let kept = self.temp(Width::Byte);
+                self.op(Op::Transfer(kept));
+                let place = self.place(target);
+                self.write_bytes(place, 0, &[max, 1]);
+                self.op(Op::Load(kept));
+                self.op(Op::Transfer(Operand { width: Width::Byte, place: beyond(place, 2) }));
+            }
+            Kind::Var(source) => {
+                if temporary {
+                    let place = self.place(target);
+                    self.write_bytes(place, 0, &[max]);
+                }
+                let from = if source.is_direct() || target.is_direct() && !matches!(target.base, Base::Db(_)) {
+                    self.place(source)
+                } else {
+                    self.text_copy(source)
+                };
+                self.join(from, target);
+            }
+            _ => {}
+        }
+    }
+
+    /// A text in the local data, when it has no fixed address.
+    pub(crate) fn text_copy(&mut self, source: &Var<'_>) -> Place {
+        let at = self.take(256);
+        let kept = Place::Fixed(Area::Local, at);
+        self.write_bytes(kept, 0, &[254, 0]);
+        let from = self.place(source);
+        self.join(from, &in_local(at));
+        kept
+    }
+
+    /// `target := CONCAT(from, '')`, which cuts to the target's length and is safe for texts over each other.
+    pub(crate) fn join(&mut self, from: Place, target: &Var<'_>) {
+        let Some(id) = self.concat else { return };
+        let to = self.place(target);
+        let operand = |place| Arg::Operand(Operand { width: Width::Byte, place });
+        let empty = Arg::Bytes(vec![1, 0, 0, 0].into());
+        self.native(id, vec![operand(from), empty, operand(to)]);
+    }
+
+    /// A call of a function of the library with all its arguments.
+    pub(crate) fn native(&mut self, id: ob1_model::BlockId, args: Vec<Arg>) {
+        let call = IrCall { mode: CallMode::Call, target: Target::Block(id), instance: None, args };
+        self.op(Op::Call(Box::new(call)));
+    }
+}
+
+/// A variable in the local data.
+pub(crate) const fn in_local<'w>(at: BitAddr) -> Var<'w> {
+    Var { base: Base::Fixed(Area::Local), at, terms: Vec::new(), declared: None, side: Side::Both }
+}
+
+/// So many bytes behind a place.
+pub(crate) const fn beyond(place: Place, bytes: u32) -> Place {
+    match place {
+        Place::Fixed(area, at) => Place::Fixed(area, BitAddr(at.0 + bytes * 8)),
+        Place::InDb(db, at) => Place::InDb(db, BitAddr(at.0 + bytes * 8)),
+        Place::InDi(db, at) => Place::InDi(db, BitAddr(at.0 + bytes * 8)),
+        Place::Param { index, at } => Place::Param { index, at: BitAddr(at.0 + bytes * 8) },
+        Place::Instance(at) => Place::Instance(BitAddr(at.0 + bytes * 8)),
+        Place::Register(area, register, at) => Place::Register(area, register, BitAddr(at.0 + bytes * 8)),
+        Place::Memory(..) => place,
+    }
+}
+
+/// A length in double words, a word and a byte.
+fn pieces(bytes: u32) -> Vec<(u32, Width)> {
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < bytes {
+        let width = match bytes - at {
+            4.. => Width::DWord,
+            2..=3 => Width::Word,
+            _ => Width::Byte,
+        };
+        out.push((at, width));
+        at += width.bytes();
+    }
+    out
+}
+
+/// An operand of the local data, for whoever has only its address.
+pub(crate) const fn byte_at(at: BitAddr) -> Operand {
+    local(Width::Byte, at)
+}

@@ -1,0 +1,487 @@
+//! Expressions: the type of each, and the conversions that it needs.
+
+use ob1_ir::{AccuOp, Compare, Convert, Logic, MathFn, Op};
+use ob1_model::DataType;
+use ob1_stl::front::{Constant, Encoded, Span, with_article};
+
+use crate::check::Checker;
+use crate::codes;
+use crate::convert::{by, function, implicit};
+use crate::syntax::{Expr, ExprKind, Operator};
+use crate::tree::{Check, Kind, Typed};
+use crate::types::{
+    BOOL, BYTE, DATE, DINT, DT, DWORD, INT, NOTHING, REAL, STRING, TIME, TOD, WORD, is_bits, is_number, is_whole, rank,
+    short,
+};
+
+impl<'c> Checker<'c> {
+    /// An expression as it is. A mistake gives `Kind::Bad`, reported.
+    pub(crate) fn expr(&mut self, expr: &Expr) -> Typed<'c> {
+        match &expr.kind {
+            ExprKind::Bad => self.bad(expr.span),
+            ExprKind::Constant(_) | ExprKind::Tokens(_) => match self.constant(expr) {
+                Some(constant) => flexible(constant, expr.span),
+                None => self.bad(expr.span),
+            },
+            ExprKind::Ref(reference) => {
+                let value = self.reference(reference);
+                if *value.ty == NOTHING && !value.is_bad() {
+                    self.report(expr.span, &codes::NO_RESULT, "this block gives no value");
+                    return self.bad(expr.span);
+                }
+                self.mark_read(&value);
+                value
+            }
+            ExprKind::Not(inner) => self.not(inner, expr.span),
+            ExprKind::Negate(inner) => self.negate(inner, expr.span),
+            ExprKind::Binary(operator, left, right) => {
+                let (left, right) = (self.expr(left), self.expr(right));
+                if left.is_bad() || right.is_bad() {
+                    return self.bad(expr.span);
+                }
+                self.binary(*operator, left, right, expr.span)
+            }
+        }
+    }
+
+    /// An expression as a value of a type.
+    pub(crate) fn expr_as(&mut self, expr: &Expr, to: &'c DataType) -> Option<Typed<'c>> {
+        let value = self.expr(expr);
+        if value.is_bad() { None } else { self.coerced(value, to) }
+    }
+
+    /// A value as one of a wider type of its class. `None`: reported.
+    pub(crate) fn coerced(&mut self, value: Typed<'c>, to: &'c DataType) -> Option<Typed<'c>> {
+        let span = value.span;
+        if let Kind::Flexible(constant) = &value.kind {
+            match fitted(constant, to, span) {
+                Ok(value) => return Some(value),
+                Err(message) => {
+                    let code = if is_number(to) || is_bits(to) { &codes::CONSTANT_RANGE } else { &codes::TYPES };
+                    self.report(span, code, message);
+                    return None;
+                }
+            }
+        }
+        match implicit(value, to) {
+            Ok(value) => Some(value),
+            Err(value) => {
+                self.no_conversion(value.ty, to, span);
+                None
+            }
+        }
+    }
+
+    pub(crate) fn no_conversion(&mut self, from: &DataType, to: &DataType, span: Span) {
+        let message = format!("{} is needed here, this is {}", with_article(short(to)), with_article(short(from)));
+        match function(from, to) {
+            Some(name) => self.report_with(span, &codes::TYPES, message, format!("Write {name}(...).")),
+            None => self.report(span, &codes::TYPES, message),
+        }
+    }
+
+    fn not(&mut self, inner: &Expr, span: Span) -> Typed<'c> {
+        let value = self.expr(inner);
+        if value.is_bad() {
+            return value;
+        }
+        let value = match &value.kind {
+            Kind::Flexible(constant) => match constant {
+                Constant::Bool(_) => self.coerced(value, &BOOL),
+                _ => {
+                    let ty = Self::own_type(constant);
+                    let ty = if is_bits(ty) { ty } else { &DWORD };
+                    self.coerced(value, ty)
+                }
+            },
+            _ => Some(value),
+        };
+        let Some(value) = value else { return self.bad(span) };
+        let ty = value.ty;
+        match ty {
+            DataType::Bool => Typed::new(Kind::Not(Box::new(value)), &BOOL, span),
+            DataType::DWord => by(vec![Op::Convert(Convert::Invd)], Check::Never, value, ty),
+            DataType::Word => by(vec![Op::Convert(Convert::Invi)], Check::Never, value, ty),
+            DataType::Byte => {
+                let mask = Op::WordLogic(ob1_ir::WordLogic::And, Some(0xFF));
+                by(vec![Op::Convert(Convert::Invi), mask], Check::Never, value, ty)
+            }
+            _ => {
+                let message = format!("NOT takes a BOOL or a bit string, this is {}", with_article(short(ty)));
+                self.report(span, &codes::OPERANDS, message);
+                self.bad(span)
+            }
+        }
+    }
+
+    fn negate(&mut self, inner: &Expr, span: Span) -> Typed<'c> {
+        let value = self.expr(inner);
+        if value.is_bad() {
+            return value;
+        }
+        if let Kind::Flexible(constant) = &value.kind {
+            let zero = Constant::Integer(0);
+            let negated = match constant {
+                Constant::Real(value) => Some(Constant::Real(-value)),
+                _ => ob1_stl::fold_constants("-", &zero, constant),
+            };
+            if let Some(constant) = negated {
+                return flexible(constant, span);
+            }
+        }
+        let ty = value.ty;
+        let op = match ty {
+            DataType::Int => Convert::Negi,
+            DataType::DInt | DataType::Time => Convert::Negd,
+            DataType::Real => Convert::Negr,
+            _ => {
+                let message = format!("- takes a number, this is {}", with_article(short(ty)));
+                self.report(span, &codes::OPERANDS, message);
+                return self.bad(span);
+            }
+        };
+        let check = if *ty == DataType::Real { Check::Never } else { Check::Overflow };
+        Typed { span, ..by(vec![Op::Convert(op)], check, value, ty) }
+    }
+
+    pub(crate) fn binary(&mut self, operator: Operator, left: Typed<'c>, right: Typed<'c>, span: Span) -> Typed<'c> {
+        let result = match operator {
+            Operator::And => self.logic(Logic::And, left, right, span),
+            Operator::Or => self.logic(Logic::Or, left, right, span),
+            Operator::Xor => self.logic(Logic::Xor, left, right, span),
+            Operator::Equal => self.compare(Compare::Equal, operator, left, right, span),
+            Operator::NotEqual => self.compare(Compare::NotEqual, operator, left, right, span),
+            Operator::Less => self.compare(Compare::Less, operator, left, right, span),
+            Operator::Greater => self.compare(Compare::Greater, operator, left, right, span),
+            Operator::LessEqual => self.compare(Compare::LessEqual, operator, left, right, span),
+            Operator::GreaterEqual => self.compare(Compare::GreaterEqual, operator, left, right, span),
+            Operator::Power => self.power(left, right, span),
+            _ => self.arithmetic(operator, left, right, span),
+        };
+        result.unwrap_or_else(|| self.bad(span))
+    }
+
+    fn refuse(&mut self, operator: Operator, left: &Typed<'c>, right: &Typed<'c>, span: Span) -> Option<Typed<'c>> {
+        let (a, b) = (with_article(short(left.ty)), with_article(short(right.ty)));
+        let message = format!("{} does not take {a} and {b}", operator.text());
+        let remedy = function(right.ty, left.ty).or_else(|| function(left.ty, right.ty));
+        match remedy.filter(|_| left.ty != right.ty) {
+            Some(name) => self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...).")),
+            None => self.report(span, &codes::OPERANDS, message),
+        }
+        None
+    }
+
+    fn logic(&mut self, logic: Logic, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
+        let (left, right) = self.adapted(left, right)?;
+        if *left.ty == DataType::Bool || *right.ty == DataType::Bool {
+            if *left.ty != *right.ty {
+                let (bits, bool) = if *left.ty == DataType::Bool { (&right, &left) } else { (&left, &right) };
+                if !is_bits(bits.ty) {
+                    return self.refuse(operator_of(logic), &left, &right, span);
+                }
+                let _ = bool;
+                let ty = if *left.ty == DataType::Bool { right.ty } else { left.ty };
+                let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
+                return Some(Typed::new(Kind::Bits(logic, Box::new(left), Box::new(right)), ty, span));
+            }
+            // A chain of one operator is one node.
+            let mut all = match left.kind {
+                Kind::Logic(inner, list) if inner == logic => list,
+                kind => vec![Typed { kind, ..left }],
+            };
+            all.push(right);
+            return Some(Typed::new(Kind::Logic(logic, all), &BOOL, span));
+        }
+        if !is_bits(left.ty) || !is_bits(right.ty) {
+            return self.refuse(operator_of(logic), &left, &right, span);
+        }
+        let ty = if rank(left.ty) >= rank(right.ty) { left.ty } else { right.ty };
+        let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
+        Some(Typed::new(Kind::Bits(logic, Box::new(left), Box::new(right)), ty, span))
+    }
+
+    /// Both sides, a constant in the type of the other side; two constants in their own.
+    pub(crate) fn adapted(&mut self, left: Typed<'c>, right: Typed<'c>) -> Option<(Typed<'c>, Typed<'c>)> {
+        match (&left.kind, &right.kind) {
+            (Kind::Flexible(a), Kind::Flexible(b)) => {
+                let (a, b) = (Self::own_type(a), Self::own_type(b));
+                let ty = if rank(a) >= rank(b) { a } else { b };
+                let (a, b) = if is_number(a) == is_number(b) { (ty, ty) } else { (a, b) };
+                Some((self.coerced(left, a)?, self.coerced(right, b)?))
+            }
+            (Kind::Flexible(constant), _) => {
+                let ty = beside(constant, right.ty);
+                Some((self.coerced(left, ty)?, right))
+            }
+            (_, Kind::Flexible(constant)) => {
+                let ty = beside(constant, left.ty);
+                let right = self.coerced(right, ty)?;
+                Some((left, right))
+            }
+            _ => Some((left, right)),
+        }
+    }
+
+    fn compare(
+        &mut self,
+        relation: Compare,
+        operator: Operator,
+        left: Typed<'c>,
+        right: Typed<'c>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        let (left, right) = self.adapted(left, right)?;
+        let equality = matches!(relation, Compare::Equal | Compare::NotEqual);
+        let texts = |ty: &DataType| matches!(ty, DataType::String(_));
+        if texts(left.ty) || texts(right.ty) {
+            return self.compare_texts(relation, operator, left, right, span);
+        }
+        if *left.ty == DataType::DateAndTime && *right.ty == DataType::DateAndTime {
+            return self.library(&date_function(relation), vec![left, right], span);
+        }
+        if *left.ty == DataType::Bool && *right.ty == DataType::Bool && equality {
+            let unequal = Typed::new(Kind::Logic(Logic::Xor, vec![left, right]), &BOOL, span);
+            return Some(match relation {
+                Compare::NotEqual => unequal,
+                _ => Typed::new(Kind::Not(Box::new(unequal)), &BOOL, span),
+            });
+        }
+        let common: &'static DataType = match (left.ty, right.ty) {
+            (a, b) if is_number(a) && is_number(b) => wider(a, b),
+            (a, b) if is_bits(a) && is_bits(b) && equality => wider(a, b),
+            // Shorter than the numbers they are compared as.
+            (DataType::Byte, DataType::Byte) => &BYTE,
+            (DataType::Char, DataType::Char) => &crate::types::CHAR,
+            (DataType::Time, DataType::Time) => &TIME,
+            (DataType::TimeOfDay, DataType::TimeOfDay) => &TOD,
+            (DataType::Date, DataType::Date) => &DATE,
+            (DataType::S5Time, DataType::S5Time) if equality => &crate::types::S5TIME,
+            (DataType::BlockDb, DataType::BlockDb) if equality => &crate::types::BLOCK_DB,
+            _ => return self.refuse(operator, &left, &right, span),
+        };
+        if *common == DataType::Real && equality {
+            self.report(span, &codes::REAL_EQUAL, "real numbers are compared for equality");
+        }
+        let (left, right) = (self.coerced(left, common)?, self.coerced(right, common)?);
+        Some(Typed::new(Kind::Compare(relation, Box::new(left), Box::new(right)), &BOOL, span))
+    }
+
+    fn compare_texts(
+        &mut self,
+        relation: Compare,
+        operator: Operator,
+        left: Typed<'c>,
+        right: Typed<'c>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        let text = |ty: &DataType| matches!(ty, DataType::String(_) | DataType::Char);
+        if !text(left.ty) || !text(right.ty) {
+            return self.refuse(operator, &left, &right, span);
+        }
+        let name = match relation {
+            Compare::Equal => "EQ_STRNG",
+            Compare::NotEqual => "NE_STRNG",
+            Compare::Greater => "GT_STRNG",
+            Compare::Less => "LT_STRNG",
+            Compare::GreaterEqual => "GE_STRNG",
+            Compare::LessEqual => "LE_STRNG",
+        };
+        self.library(name, vec![left, right], span)
+    }
+
+    fn power(&mut self, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
+        let (left, right) = (self.coerced(left, &REAL)?, self.coerced(right, &REAL)?);
+        Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
+    }
+
+    fn arithmetic(
+        &mut self,
+        operator: Operator,
+        left: Typed<'c>,
+        right: Typed<'c>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        if let (Kind::Flexible(a), Kind::Flexible(b)) = (&left.kind, &right.kind)
+            && let Some(constant) = ob1_stl::fold_constants(operator.text(), a, b)
+        {
+            return Some(flexible(constant, span));
+        }
+        let op = match operator {
+            Operator::Add => AccuOp::Add,
+            Operator::Subtract => AccuOp::Sub,
+            Operator::Multiply => AccuOp::Mul,
+            Operator::Mod => AccuOp::Mod,
+            _ => AccuOp::Div,
+        };
+        let zero = matches!(&right.kind, Kind::Flexible(Constant::Integer(0) | Constant::DInt(0)));
+        if matches!(op, AccuOp::Div | AccuOp::Mod) && zero {
+            self.report(right.span, &codes::DIVISION_BY_ZERO, "this divides by 0");
+        }
+        if let Some(result) = self.time_arithmetic(op, &left, &right, span) {
+            return result;
+        }
+        let (left, right) = self.adapted(left, right)?;
+        if !is_number(left.ty) || !is_number(right.ty) {
+            return self.refuse(operator, &left, &right, span);
+        }
+        let ty: &'static DataType = wider(left.ty, right.ty);
+        if matches!(operator, Operator::Mod | Operator::Div) && !is_whole(ty) {
+            return self.refuse(operator, &left, &right, span);
+        }
+        let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
+        if operator == Operator::Mod && *ty == DataType::Int {
+            let (left, right) = (self.coerced(left, &DINT)?, self.coerced(right, &DINT)?);
+            return Some(Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), &INT, span));
+        }
+        Some(Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), ty, span))
+    }
+
+    /// Sums, differences and multiples of times and dates; `None` where no side is one.
+    fn time_arithmetic(
+        &mut self,
+        op: AccuOp,
+        left: &Typed<'c>,
+        right: &Typed<'c>,
+        span: Span,
+    ) -> Option<Option<Typed<'c>>> {
+        use DataType::{Date, DateAndTime, Time, TimeOfDay};
+        let node = |op, ty: &'static DataType, left: Typed<'c>, right: Typed<'c>| {
+            Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), ty, span)
+        };
+        let (a, b) = (left.ty, right.ty);
+        let result = match (a, op, b) {
+            (Time, AccuOp::Add | AccuOp::Sub, Time) => {
+                let (left, right) = (self.coerced(left.clone(), &TIME), self.coerced(right.clone(), &TIME));
+                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
+            }
+            (Time, AccuOp::Add | AccuOp::Sub, DataType::DInt) | (Time, AccuOp::Mul | AccuOp::Div, _)
+                if is_whole(b) || matches!(right.kind, Kind::Flexible(_)) =>
+            {
+                let (left, right) = (self.coerced(left.clone(), &TIME), self.coerced(right.clone(), &DINT));
+                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
+            }
+            (_, AccuOp::Mul, Time) if is_whole(a) => {
+                let (left, right) = (self.coerced(left.clone(), &DINT), self.coerced(right.clone(), &TIME));
+                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
+            }
+            (TimeOfDay, AccuOp::Add | AccuOp::Sub, Time) => {
+                let (left, right) = (self.coerced(left.clone(), &TOD), self.coerced(right.clone(), &TIME));
+                let both = left.zip(right);
+                both.map(|(l, r)| Typed::new(Kind::WithinDay(op, Box::new(l), Box::new(r)), &TOD, span))
+            }
+            (TimeOfDay, AccuOp::Sub, TimeOfDay) => {
+                let (left, right) = (self.coerced(left.clone(), &TOD), self.coerced(right.clone(), &TOD));
+                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
+            }
+            (Date, AccuOp::Sub, Date) => {
+                let days = |this: &mut Self, v: &Typed<'c>| {
+                    let v = this.coerced(v.clone(), &DATE)?;
+                    crate::convert::explicit(v, &DINT)
+                };
+                let (left, right) = (days(self, left), days(self, right));
+                left.zip(right).map(|(left, right)| {
+                    let days = node(op, &DINT, left, right);
+                    let day = Typed::new(Kind::Constant(86_400_000), &DINT, span);
+                    node(AccuOp::Mul, &TIME, days, day)
+                })
+            }
+            (DateAndTime, AccuOp::Add, Time) => self.library("AD_DT_TM", vec![left.clone(), right.clone()], span),
+            (DateAndTime, AccuOp::Sub, Time) => self.library("SB_DT_TM", vec![left.clone(), right.clone()], span),
+            (DateAndTime, AccuOp::Sub, DateAndTime) => {
+                self.library("SB_DT_DT", vec![left.clone(), right.clone()], span)
+            }
+            _ => return None,
+        };
+        let _ = &DT;
+        Some(result)
+    }
+
+    /// A function of ACCU1 as a REAL.
+    pub(crate) fn math(&mut self, function: MathFn, value: Typed<'c>) -> Option<Typed<'c>> {
+        let value = self.coerced(value, &REAL)?;
+        Some(by(vec![Op::Math(function)], Check::Overflow, value, &REAL))
+    }
+}
+
+const fn operator_of(logic: Logic) -> Operator {
+    match logic {
+        Logic::And => Operator::And,
+        Logic::Or => Operator::Or,
+        Logic::Xor => Operator::Xor,
+    }
+}
+
+fn date_function(relation: Compare) -> String {
+    let word = match relation {
+        Compare::Equal => "EQ",
+        Compare::NotEqual => "NE",
+        Compare::Greater => "GT",
+        Compare::Less => "LT",
+        Compare::GreaterEqual => "GE",
+        Compare::LessEqual => "LE",
+    };
+    format!("{word}_DT")
+}
+
+/// The wider of two types of a class.
+pub(crate) const fn wider(a: &DataType, b: &DataType) -> &'static DataType {
+    let ty = if rank(a) >= rank(b) { a } else { b };
+    match ty {
+        DataType::Int => &INT,
+        DataType::DInt => &DINT,
+        DataType::Byte => &BYTE,
+        DataType::Word => &WORD,
+        DataType::DWord => &DWORD,
+        _ => &REAL,
+    }
+}
+
+/// The type that a constant takes beside a value of another type: that one where it fits, else its own.
+fn beside<'c>(constant: &Constant, other: &'c DataType) -> &'c DataType {
+    let own: &'static DataType = Checker::own_type(constant);
+    if let (Constant::Text(_), DataType::Char | DataType::String(_)) = (constant, other) {
+        return if matches!(other, DataType::String(_)) || *own != DataType::Char { &STRING } else { other };
+    }
+    let whole = matches!(constant, Constant::Integer(_) | Constant::Radix(_) | Constant::DInt(_) | Constant::Bits(..));
+    match other {
+        // A longer number stays what it is: the other side is widened.
+        DataType::Int if whole && fitted(constant, other, Span::default()).is_err() => own,
+        DataType::Int | DataType::DInt if matches!(constant, Constant::Real(_)) => own,
+        DataType::Byte | DataType::Word if whole && fitted(constant, other, Span::default()).is_err() => {
+            if is_bits(own) { own } else { &DWORD }
+        }
+        _ => other,
+    }
+}
+
+/// A constant whose type its place decides.
+pub(crate) fn flexible<'c>(constant: Constant, span: Span) -> Typed<'c> {
+    let ty = Checker::own_type(&constant);
+    Typed::new(Kind::Flexible(constant), ty, span)
+}
+
+/// A constant as a value of a type; the error says why it is none.
+pub(crate) fn fitted<'c>(constant: &Constant, to: &'c DataType, span: Span) -> Result<Typed<'c>, String> {
+    let number = |value: f32| Ok(Typed::new(Kind::Constant(value.to_bits()), to, span));
+    match (constant, to) {
+        (Constant::Integer(v), DataType::Real) => return number(*v as f32),
+        (Constant::DInt(v), DataType::Real) => return number(*v as f32),
+        (Constant::Radix(v), DataType::Real) => return number(*v as f32),
+        (Constant::Text(text), DataType::String(_)) => {
+            let length = text.len().min(254);
+            let mut bytes = vec![length.max(1) as u8, length as u8];
+            bytes.extend(text.iter().take(length));
+            bytes.resize((length.max(1) + 2).next_multiple_of(2), 0);
+            return Ok(Typed::new(Kind::Bytes(bytes), to, span));
+        }
+        (Constant::Radix(v), DataType::DInt) => return Ok(Typed::new(Kind::Constant(*v), to, span)),
+        (Constant::Bits(v, _), DataType::Byte) if *v <= 0xFF => return Ok(Typed::new(Kind::Constant(*v), to, span)),
+        (Constant::Bits(v, _), DataType::Word) if *v <= 0xFFFF => return Ok(Typed::new(Kind::Constant(*v), to, span)),
+        _ => {}
+    }
+    match constant.encode(to)? {
+        Encoded::Bits(bits) => Ok(Typed::new(Kind::Constant(bits), to, span)),
+        Encoded::Bytes(bytes) => Ok(Typed::new(Kind::Bytes(bytes), to, span)),
+    }
+}

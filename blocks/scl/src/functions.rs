@@ -1,0 +1,441 @@
+//! Standard functions: those that are no blocks.
+
+use ob1_ir::{Compare, Convert, MathFn, Op};
+use ob1_model::DataType;
+use ob1_stl::front::{OF_FUNCTIONS, Span, Token, with_article};
+
+use crate::check::Checker;
+use crate::codes;
+use crate::convert::{by, explicit};
+use crate::expr::wider;
+use crate::syntax::{Arg, Operator};
+use crate::tree::{Check, Kind, Shifted, Typed};
+use crate::types::{self, BLOCK_DB, BOOL, DINT, DWORD, INT, REAL, WORD, is_bits, is_number, is_whole, rank, short};
+
+const MATH: [(&str, MathFn); 10] = [
+    ("SQR", MathFn::Sqr),
+    ("SQRT", MathFn::Sqrt),
+    ("LN", MathFn::Ln),
+    ("EXP", MathFn::Exp),
+    ("SIN", MathFn::Sin),
+    ("COS", MathFn::Cos),
+    ("TAN", MathFn::Tan),
+    ("ASIN", MathFn::Asin),
+    ("ACOS", MathFn::Acos),
+    ("ATAN", MathFn::Atan),
+];
+
+/// LN(10), as Siemens' compiler divides by it.
+const LN_10: f32 = 2.302_585_1;
+
+impl<'c> Checker<'c> {
+    /// A call of what is neither declared nor a symbol: a standard function, or a block of the library.
+    pub(crate) fn function(&mut self, name: Token, args: &[Arg], span: Span) -> Typed<'c> {
+        let text = self.name(name);
+        let upper = text.to_ascii_uppercase();
+        let result = match self.standard(&upper, args, span) {
+            Some(result) => result,
+            None => self.by_name(text, name.span, args, span),
+        };
+        result.unwrap_or_else(|| self.bad(span))
+    }
+
+    /// A block of the library, or nothing that is known.
+    fn by_name(&mut self, name: &str, at: Span, args: &[Arg], span: Span) -> Option<Typed<'c>> {
+        let usual = OF_FUNCTIONS.iter().find(|(function, _)| function.eq_ignore_ascii_case(name)).map_or(name, |f| f.1);
+        if let Some(id) = self.block_called(usual) {
+            return match self.call_block(id, args, span)? {
+                crate::names::Named::Value(value) => Some(value),
+                _ => None,
+            };
+        }
+        let shown: String = name.chars().take(64).collect();
+        let key = format!("{shown}(");
+        let symbols = self.world.symbols.keys().map(String::as_str);
+        let known = MATH.iter().map(|(name, _)| *name).chain(NAMES);
+        self.sink.missing(&key, self.block.file, at, &codes::UNKNOWN_NAME, |sink| {
+            let message = format!("{shown} is called, and no block or function has this name");
+            let near = sink.nearest(name, known.chain(symbols)).map(|near| format!("Did you mean {near}?"));
+            (message, near.unwrap_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned()))
+        });
+        None
+    }
+
+    /// A standard function by its name in capitals; `None`: there is none of this name.
+    fn standard(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
+        // `NAME_TYPE` of TIA Portal says the type of the result.
+        let (plain, ty) = match name.rsplit_once('_') {
+            Some((plain, ty)) if NAMES.contains(&plain) || MATH.iter().any(|(n, _)| *n == plain) => {
+                (plain, types::named(ty))
+            }
+            _ => (name, None),
+        };
+        let result = match plain {
+            _ if MATH.iter().any(|(n, _)| *n == plain) => {
+                let function = MATH.iter().find(|(n, _)| *n == plain)?.1;
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.math(function, value)
+            }
+            "LOG" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.math(MathFn::Ln, value).and_then(|ln| {
+                    let ten = Typed::new(Kind::Constant(LN_10.to_bits()), &REAL, span);
+                    Some(self.binary(Operator::Divide, ln, ten, span)).filter(|v| !v.is_bad())
+                })
+            }
+            "EXPD" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                let ten = Typed::new(Kind::Constant(10f32.to_bits()), &REAL, span);
+                Some(self.binary(Operator::Power, ten, value, span)).filter(|v| !v.is_bad())
+            }
+            "ABS" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.abs(value, ty, span)
+            }
+            "ROUND" | "TRUNC" | "CEIL" | "FLOOR" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.rounded(plain, value, ty)
+            }
+            "FRAC" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                let whole = self.rounded("TRUNC", value.clone(), None)?;
+                Some(self.binary(Operator::Subtract, value, whole, span))
+            }
+            "NORM_X" => {
+                let [min, value, max] = self.values(plain, ["MIN", "VALUE", "MAX"], args, span)?;
+                let all = [min, value, max].map(|v| self.coerced(v, &REAL));
+                let [Some(min), Some(value), Some(max)] = all else { return Some(None) };
+                let above = self.binary(Operator::Subtract, value, min.clone(), span);
+                let range = self.binary(Operator::Subtract, max, min, span);
+                Some(self.binary(Operator::Divide, above, range, span))
+            }
+            "SCALE_X" => {
+                let [min, value, max] = self.values(plain, ["MIN", "VALUE", "MAX"], args, span)?;
+                self.scaled(min, value, max, ty, span)
+            }
+            "SEL" => {
+                let [g, zero, one] = self.values(plain, ["G", "IN0", "IN1"], args, span)?;
+                self.selected(g, zero, one, span)
+            }
+            "MUX" => self.mux(args, span),
+            "MIN" => self.extreme(Compare::LessEqual, args, span),
+            "MAX" => self.extreme(Compare::GreaterEqual, args, span),
+            "LIMIT" => {
+                let [low, value, high] = self.values(plain, ["MN", "IN", "MX"], args, span)?;
+                let common = self.common(vec![low, value, high], span);
+                common.and_then(|(all, ty)| {
+                    let all: [Typed<'c>; 3] = all.try_into().ok()?;
+                    Some(Typed::new(Kind::Limit(Box::new(all)), ty, span))
+                })
+            }
+            "SHL" => self.shift(Shifted::Left, args, span, ty),
+            "SHR" => self.shift(Shifted::Right, args, span, ty),
+            "ROL" => self.shift(Shifted::RotateLeft, args, span, ty),
+            "ROR" => self.shift(Shifted::RotateRight, args, span, ty),
+            "SWAP" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.swapped(value, span)
+            }
+            "MAX_LEN" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                match value.ty {
+                    DataType::String(max) => Some(Typed::new(Kind::Constant(u32::from(*max)), &INT, span)),
+                    _ => self.wrong(plain, &value, "a STRING"),
+                }
+            }
+            "BCD_TO_INT" | "WORD_BCD_TO_INT" => self.bcd(Convert::Bti, args, &WORD, &INT, span),
+            "INT_TO_BCD" | "INT_TO_BCD_WORD" => self.bcd(Convert::Itb, args, &INT, &WORD, span),
+            "BCD_TO_DINT" | "DWORD_BCD_TO_DINT" => self.bcd(Convert::Btd, args, &DWORD, &DINT, span),
+            "DINT_TO_BCD" | "DINT_TO_BCD_DWORD" => self.bcd(Convert::Dtb, args, &DINT, &DWORD, span),
+            "WORD_TO_BLOCK_DB" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                self.coerced(value, &WORD).map(|value| {
+                    Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &BLOCK_DB, span)
+                })
+            }
+            "BLOCK_DB_TO_WORD" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                match *value.ty {
+                    DataType::BlockDb => {
+                        Some(Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &WORD, span))
+                    }
+                    _ => self.wrong(plain, &value, "a BLOCK_DB"),
+                }
+            }
+            _ => return self.conversion(name, args, span),
+        };
+        Some(result)
+    }
+
+    /// `X_TO_Y` of elementary types.
+    fn conversion(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
+        let (from, to) = name.split_once("_TO_")?;
+        let (from, to) = (types::named(from)?, types::named(to)?);
+        let text = |ty: &DataType| matches!(ty, DataType::String(_));
+        if text(from) && *to == DataType::Char {
+            return None;
+        }
+        let elementary = from.elementary_bits().is_some() && to.elementary_bits().is_some();
+        if !elementary {
+            return None;
+        }
+        let value = match args {
+            [Arg { value: Some(value), .. }] => value,
+            _ => {
+                self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
+                return Some(None);
+            }
+        };
+        let value = self.expr(value);
+        if value.is_bad() {
+            return Some(None);
+        }
+        let Some(value) = self.coerced(value, from) else { return Some(None) };
+        match explicit(value, to) {
+            Some(value) => Some(Some(Typed { span, ..value })),
+            None => {
+                self.report(span, &codes::UNKNOWN_NAME, format!("there is no conversion {name}"));
+                Some(None)
+            }
+        }
+    }
+
+    /// The values of a function's parameters, by name or in their order. The outer `None`: reported.
+    fn values<const N: usize>(
+        &mut self,
+        function: &str,
+        names: [&str; N],
+        args: &[Arg],
+        span: Span,
+    ) -> Option<[Typed<'c>; N]> {
+        let mut out: [Typed<'c>; N] = std::array::from_fn(|_| self.bad(span));
+        let mut good = args.len() == N;
+        for (at, arg) in args.iter().enumerate() {
+            let place = match arg.name {
+                Some(name) => names.iter().position(|n| n.eq_ignore_ascii_case(self.name(name))),
+                None => Some(at),
+            };
+            let value = arg.value.as_ref().map(|value| self.expr(value));
+            match (place.and_then(|at| out.get_mut(at)), value) {
+                (Some(slot), Some(value)) => *slot = value,
+                _ => good = false,
+            }
+        }
+        if !good {
+            let message = format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
+            self.report(span, &codes::FUNCTION_ARGUMENTS, message);
+        }
+        // The mistake of a bad value was reported; the function stays known.
+        Some(out)
+    }
+
+    fn wrong(&mut self, function: &str, value: &Typed<'c>, takes: &str) -> Option<Typed<'c>> {
+        if !value.is_bad() {
+            let message = format!("{function} takes {takes}, this is {}", with_article(short(value.ty)));
+            self.report(value.span, &codes::OPERANDS, message);
+        }
+        None
+    }
+
+    fn abs(&mut self, value: Typed<'c>, ty: Option<&'static DataType>, span: Span) -> Option<Typed<'c>> {
+        let value = self.plain(value)?;
+        let value = match ty {
+            Some(ty) => self.coerced(value, ty)?,
+            None => value,
+        };
+        let ty = value.ty;
+        match ty {
+            DataType::Real => Some(by(vec![Op::Convert(Convert::Abs)], Check::Never, value, ty)),
+            DataType::Int | DataType::DInt | DataType::Time => Some(Typed::new(Kind::Abs(Box::new(value)), ty, span)),
+            _ => self.wrong("ABS", &value, "a number"),
+        }
+    }
+
+    /// A constant in its own type; anything else as it is.
+    fn plain(&mut self, value: Typed<'c>) -> Option<Typed<'c>> {
+        match &value.kind {
+            Kind::Bad => None,
+            Kind::Flexible(constant) => {
+                let ty = Self::own_type(constant);
+                self.coerced(value, ty)
+            }
+            _ => Some(value),
+        }
+    }
+
+    fn rounded(&mut self, name: &str, value: Typed<'c>, ty: Option<&'static DataType>) -> Option<Typed<'c>> {
+        if value.is_bad() {
+            return None;
+        }
+        let value = self.coerced(value, &REAL)?;
+        let op = match name {
+            "ROUND" => Convert::Rnd,
+            "TRUNC" => Convert::Trunc,
+            "CEIL" => Convert::RndPlus,
+            _ => Convert::RndMinus,
+        };
+        let whole = by(vec![Op::Convert(op)], Check::Overflow, value, &DINT);
+        match ty {
+            None | Some(DataType::DInt) => Some(whole),
+            Some(DataType::Real) => self.coerced(whole, &REAL),
+            Some(ty) => explicit(whole, ty),
+        }
+    }
+
+    fn scaled(
+        &mut self,
+        min: Typed<'c>,
+        value: Typed<'c>,
+        max: Typed<'c>,
+        ty: Option<&'static DataType>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        let ty = ty.or_else(|| is_whole(min.ty).then(|| wider(min.ty, max.ty)));
+        let all = [min, value, max].map(|v| if v.is_bad() { None } else { self.coerced(v, &REAL) });
+        let [Some(min), Some(value), Some(max)] = all else { return None };
+        let range = self.binary(Operator::Subtract, max, min.clone(), span);
+        let above = self.binary(Operator::Multiply, value, range, span);
+        let sum = self.binary(Operator::Add, above, min, span);
+        match ty {
+            Some(ty) if is_whole(ty) => explicit(sum, ty),
+            _ => Some(sum),
+        }
+    }
+
+    fn selected(&mut self, g: Typed<'c>, zero: Typed<'c>, one: Typed<'c>, span: Span) -> Option<Typed<'c>> {
+        if g.is_bad() {
+            return None;
+        }
+        let g = self.coerced(g, &BOOL)?;
+        let (all, ty) = self.common(vec![zero, one], span)?;
+        let [zero, one]: [Typed<'c>; 2] = all.try_into().ok()?;
+        Some(Typed::new(Kind::Select(Box::new([g, zero, one])), ty, span))
+    }
+
+    fn mux(&mut self, args: &[Arg], span: Span) -> Option<Typed<'c>> {
+        let mut values: Vec<Typed<'c>> = Vec::new();
+        for arg in args {
+            values.push(self.expr(arg.value.as_ref()?));
+        }
+        if values.len() < 3 || values.iter().any(Typed::is_bad) {
+            self.report(span, &codes::FUNCTION_ARGUMENTS, "MUX is called MUX(K := ..., IN0 := ..., IN1 := ...)");
+            return None;
+        }
+        let k = values.remove(0);
+        let k = self.coerced(k, &INT)?;
+        let (all, ty) = self.common(values, span)?;
+        Some(Typed::new(Kind::Mux(Box::new(k), all), ty, span))
+    }
+
+    fn extreme(&mut self, relation: Compare, args: &[Arg], span: Span) -> Option<Typed<'c>> {
+        let mut values = Vec::new();
+        for arg in args {
+            values.push(self.expr(arg.value.as_ref()?));
+        }
+        if values.len() < 2 {
+            self.report(span, &codes::FUNCTION_ARGUMENTS, "MIN and MAX are called MAX(IN1 := ..., IN2 := ...)");
+            return None;
+        }
+        let (all, ty) = self.common(values, span)?;
+        Some(Typed::new(Kind::Extreme(relation, all), ty, span))
+    }
+
+    /// Values in one type that takes all of them.
+    fn common(&mut self, values: Vec<Typed<'c>>, span: Span) -> Option<(Vec<Typed<'c>>, &'c DataType)> {
+        if values.iter().any(Typed::is_bad) {
+            return None;
+        }
+        let fixed: Vec<&'c DataType> =
+            values.iter().filter(|v| !matches!(v.kind, Kind::Flexible(_))).map(|v| v.ty).collect();
+        let types: Vec<&'c DataType> = if fixed.is_empty() { values.iter().map(|v| v.ty).collect() } else { fixed };
+        let mut ty: &'c DataType = types.first()?;
+        for other in types {
+            let classes = is_number(ty) && is_number(other) || is_bits(ty) && is_bits(other);
+            if classes && rank(other) > rank(ty) {
+                ty = other;
+            }
+        }
+        // A real constant makes all of them real.
+        let real = values.iter().any(|v| matches!(&v.kind, Kind::Flexible(ob1_stl::front::Constant::Real(_))));
+        if real && is_whole(ty) {
+            ty = &REAL;
+        }
+        if ty.elementary_bits().is_none() && !matches!(ty, DataType::String(_) | DataType::DateAndTime) {
+            self.report(span, &codes::OPERANDS, format!("this does not take {}", with_article(short(ty))));
+            return None;
+        }
+        if ty.elementary_bits().is_none() {
+            let message = format!("{} cannot be chosen by a function", with_article(short(ty)));
+            self.report_with(span, &codes::NOT_SUPPORTED, message, "Write IF ... THEN ... ELSE.".to_owned());
+            return None;
+        }
+        let mut out = Vec::with_capacity(values.len());
+        for value in values {
+            out.push(self.coerced(value, ty)?);
+        }
+        Some((out, ty))
+    }
+
+    fn shift(
+        &mut self,
+        shifted: Shifted,
+        args: &[Arg],
+        span: Span,
+        ty: Option<&'static DataType>,
+    ) -> Option<Typed<'c>> {
+        let [value, count] = self.values("SHL, SHR, ROL or ROR", ["IN", "N"], args, span)?;
+        if value.is_bad() || count.is_bad() {
+            return None;
+        }
+        let value = match (ty, &value.kind) {
+            (Some(ty), _) => self.coerced(value, ty)?,
+            (None, Kind::Flexible(constant)) => {
+                let own = Self::own_type(constant);
+                let ty = if is_bits(own) { own } else if *own == DataType::Int { &WORD } else { &DWORD };
+                self.coerced(value, ty)?
+            }
+            _ => value,
+        };
+        if !is_bits(value.ty) {
+            return self.wrong("a shift", &value, "a bit string");
+        }
+        let count = match count.ty {
+            DataType::Byte | DataType::Word => explicit(count, &INT)?,
+            _ => self.coerced(count, &INT)?,
+        };
+        let ty = value.ty;
+        Some(Typed::new(Kind::Shift(shifted, Box::new(value), Box::new(count)), ty, span))
+    }
+
+    fn swapped(&mut self, value: Typed<'c>, _span: Span) -> Option<Typed<'c>> {
+        let value = self.plain(value)?;
+        let ty = value.ty;
+        match ty {
+            DataType::Word => Some(by(vec![Op::Convert(Convert::Taw)], Check::Never, value, ty)),
+            DataType::DWord => Some(by(vec![Op::Convert(Convert::Tad)], Check::Never, value, ty)),
+            _ => self.wrong("SWAP", &value, "a WORD or DWORD"),
+        }
+    }
+
+    fn bcd(
+        &mut self,
+        op: Convert,
+        args: &[Arg],
+        from: &'static DataType,
+        to: &'static DataType,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        let [value] = self.values("a BCD conversion", ["IN"], args, span)?;
+        if value.is_bad() {
+            return None;
+        }
+        let value = self.coerced(value, from)?;
+        Some(by(vec![Op::Convert(op)], Check::Overflow, value, to))
+    }
+}
+
+/// Functions besides those of [`MATH`] and the conversions.
+const NAMES: [&str; 23] = [
+    "LOG", "EXPD", "ABS", "ROUND", "TRUNC", "CEIL", "FLOOR", "FRAC", "NORM_X", "SCALE_X", "SEL", "MUX", "MIN", "MAX",
+    "LIMIT", "SHL", "SHR", "ROL", "ROR", "SWAP", "MAX_LEN", "BCD_TO_INT", "INT_TO_BCD",
+];

@@ -1,0 +1,683 @@
+//! References: a name and its steps to a place, a constant, or what is called.
+
+use ob1_ir::{Number, Target, Width};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Layout, Section};
+use ob1_stl::front::{
+    BlockWord, Constant, Data, Identifier, Kind as TokenKind, Span, Symbolic, Token, called_with, data_types, slice,
+    split_digits, with_article,
+};
+
+use crate::check::Checker;
+use crate::codes;
+use crate::syntax::{Expr, Ref, Step};
+use crate::tree::{Base, Kind, Side, Term, Typed, Var};
+use crate::types::{BLOCK_DB, BOOL, BYTE, CHAR, COUNTER, DINT, DWORD, TIMER, WORD};
+
+/// What a name or a name with some of its steps is.
+#[derive(Clone, Debug)]
+pub(crate) enum Named<'w> {
+    Value(Typed<'w>),
+    Block(BlockId),
+    /// A data block as a whole, by its number.
+    Db(u16),
+    /// An instance of a function block.
+    Instance(BlockId, Var<'w>),
+    /// A standard function, to be called.
+    Function,
+}
+
+impl<'c> Checker<'c> {
+    /// A reference as a value.
+    pub(crate) fn reference(&mut self, reference: &Ref) -> Typed<'c> {
+        match self.named(reference) {
+            Some(Named::Value(value)) => value,
+            Some(Named::Db(number)) => {
+                Typed::new(Kind::Block(Number::Fixed(number)), &BLOCK_DB, reference.span)
+            }
+            Some(Named::Block(id)) => Typed::new(Kind::Block(Number::Fixed(id.number)), block_type(id), reference.span),
+            Some(Named::Instance(_, var)) => {
+                let ty = self.instance_struct(&var);
+                match ty {
+                    Some(ty) => Typed::new(Kind::Var(var), ty, reference.span),
+                    None => self.no_value(reference),
+                }
+            }
+            Some(Named::Function) => self.no_value(reference),
+            None => self.bad(reference.span),
+        }
+    }
+
+    fn no_value(&mut self, reference: &Ref) -> Typed<'c> {
+        let shown: String = self.text(reference.first).chars().take(64).collect();
+        self.report(reference.span, &codes::NOT_A_VALUE, format!("{shown} has no value: its parameters are missing"));
+        self.bad(reference.span)
+    }
+
+    /// The structure of an instance that was declared.
+    fn instance_struct(&self, var: &Var<'c>) -> Option<&'c DataType> {
+        let declared = var.declared?;
+        let mut ty = &self.info.interface.params.get(declared)?.ty;
+        while let DataType::Array(_, element) = ty {
+            ty = element;
+        }
+        Some(ty)
+    }
+
+    /// A reference with all its steps. `None`: reported.
+    pub(crate) fn named(&mut self, reference: &Ref) -> Option<Named<'c>> {
+        let (mut named, taken) = self.first(reference)?;
+        let mut steps = reference.steps.get(taken..).unwrap_or_default();
+        while let Some((step, rest)) = steps.split_first() {
+            let (next, used) = self.step(named, step, rest, reference)?;
+            named = next;
+            steps = rest.get(used..).unwrap_or_default();
+        }
+        Some(named)
+    }
+
+    /// What the name itself means, and how many steps belong to it.
+    fn first(&mut self, reference: &Ref) -> Option<(Named<'c>, usize)> {
+        let token = reference.first;
+        let name = self.name(token);
+        let called = matches!(reference.steps.first(), Some(Step::Call(_)));
+        if token.kind == TokenKind::Local {
+            if let Some(named) = self.local(name, token.span, called) {
+                return Some((named, 0));
+            }
+            return self.unknown(token).map(|named| (named, 0));
+        }
+        if token.kind == TokenKind::Word {
+            if let Some((named, used)) = self.absolute(reference)? {
+                return Some((named, used));
+            }
+            if let Some(named) = self.local(name, token.span, called) {
+                return Some((named, 0));
+            }
+        }
+        if token.kind == TokenKind::Symbol && self.is_own_name(name) && !called
+            && let Some(named) = self.own_result(token.span)
+        {
+            return Some((named, 0));
+        }
+        if let Some(named) = self.symbol(name, token.span)? {
+            return Some((named, 0));
+        }
+        if token.kind == TokenKind::Word {
+            if name.eq_ignore_ascii_case("OK") {
+                return Some((Named::Value(Typed::new(Kind::Ok, &BOOL, token.span)), 0));
+            }
+            if name.eq_ignore_ascii_case("ENO") {
+                return Some((Named::Value(Typed::new(Kind::Eno, &BOOL, token.span)), 0));
+            }
+        }
+        if called {
+            return Some((Named::Function, 0));
+        }
+        if let Some(id) = self.library_block(name) {
+            return Some((Named::Block(id), 0));
+        }
+        self.unknown(token).map(|named| (named, 0))
+    }
+
+    fn unknown(&mut self, token: Token) -> Option<Named<'c>> {
+        let name = self.name(token);
+        if token.kind == TokenKind::Symbol {
+            self.world.report_unknown_symbol(name, self.block.file, token.span, self.sink);
+            return None;
+        }
+        let shown: String = name.chars().take(64).collect();
+        let params = &self.info.interface.params;
+        let known: Vec<&str> = params.iter().map(|p| p.name.as_str()).collect();
+        let key = format!("{} {}", self.block.file, name.to_uppercase());
+        let symbols = self.world.symbols.keys().map(String::as_str);
+        self.sink.missing(&key, self.block.file, token.span, &codes::UNKNOWN_NAME, |sink| {
+            let near = sink.nearest(name, known.into_iter().chain(symbols));
+            let remedy = near.map_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+            (format!("{shown} is not known here"), remedy)
+        });
+        None
+    }
+
+    /// A declaration of the block, its own result, or one of its constants.
+    fn local(&mut self, name: &str, span: Span, called: bool) -> Option<Named<'c>> {
+        let info = self.info;
+        if let Some((index, overlay)) = info.declared(name) {
+            let param = info.interface.params.get(index)?;
+            // A function called like its own result calls itself.
+            if param.section != Section::Return {
+                return Some(self.declaration(index, overlay.unwrap_or(&param.ty), span));
+            }
+        }
+        if self.is_own_name(name) && !called
+            && let Some(named) = self.own_result(span)
+        {
+            return Some(named);
+        }
+        let constant = info.constants.get(&name.to_uppercase())?;
+        let ty = Self::own_type(constant);
+        Some(Named::Value(Typed::new(Kind::Flexible(constant.clone()), ty, span)))
+    }
+
+    fn own_result(&self, span: Span) -> Option<Named<'c>> {
+        let (index, param) = self.result()?;
+        Some(self.declaration(index, &param.ty, span))
+    }
+
+    fn declaration(&self, index: usize, ty: &'c DataType, span: Span) -> Named<'c> {
+        let info = self.info;
+        let Some(param) = info.interface.params.get(index) else { return Named::Function };
+        let has_instance = self.id.kind.has_instance();
+        let formal = info.formal(index);
+        let base = match formal {
+            _ if param.section == Section::Temp => Base::Fixed(Area::Local),
+            _ if has_instance && param.is_pointer() => Base::Through(param.at),
+            _ if has_instance => Base::Instance,
+            Some(formal) => Base::Param(formal),
+            None => Base::Fixed(Area::Local),
+        };
+        let at = match base {
+            Base::Param(_) | Base::Through(_) => BitAddr(0),
+            _ => param.at,
+        };
+        if param.ty.is_parameter_type() {
+            let number = if has_instance { Number::Instance(param.at) } else { Number::Param(formal.unwrap_or(0)) };
+            let (kind, ty) = match param.ty {
+                DataType::Timer | DataType::TimerOrWord => (Kind::Timer(number), &TIMER),
+                DataType::Counter => (Kind::Counter(number), &COUNTER),
+                _ => (Kind::Block(number), &param.ty),
+            };
+            return Named::Value(Typed::new(kind, ty, span));
+        }
+        let var = Var { base, at, terms: Vec::new(), declared: Some(index), side: Side::Both };
+        match info.instances.get(&index) {
+            Some(fb) if !matches!(param.ty, DataType::Array(..)) => Named::Instance(*fb, var),
+            _ => Named::Value(Typed::new(Kind::Var(var), ty, span)),
+        }
+    }
+
+    /// What a symbol stands for. The outer `None`: reported.
+    fn symbol(&mut self, name: &str, span: Span) -> Option<Option<Named<'c>>> {
+        let world = self.world;
+        Some(Some(match world.symbol(name) {
+            Some(Symbolic::Block(BlockWord::Db | BlockWord::Di, number)) => Named::Db(*number),
+            Some(Symbolic::Block(word, number)) => {
+                let Some(kind) = word.kind() else { return Some(None) };
+                Named::Block(BlockId::new(kind, *number))
+            }
+            Some(Symbolic::Memory(operand, ty)) => {
+                let ob1_ir::Place::Fixed(area, at) = operand.place else { return Some(None) };
+                let ty = ty.as_ref().filter(|ty| Width::of(ty) == Some(operand.width)).unwrap_or(of_width(operand.width));
+                let side = match world.peripheral.get(&name.to_uppercase()) {
+                    Some(true) => Side::Write,
+                    Some(false) => Side::Read,
+                    None => Side::Both,
+                };
+                let var = Var { base: Base::Fixed(area), at, terms: Vec::new(), declared: None, side };
+                Named::Value(Typed::new(Kind::Var(var), ty, span))
+            }
+            Some(Symbolic::Timer(n)) => Named::Value(Typed::new(Kind::Timer(Number::Fixed(*n)), &TIMER, span)),
+            Some(Symbolic::Counter(n)) => Named::Value(Typed::new(Kind::Counter(Number::Fixed(*n)), &COUNTER, span)),
+            Some(Symbolic::Unknown(address)) => {
+                let message = format!("the symbol table gives {name} the address {address}, which is not valid");
+                self.report(span, &codes::UNKNOWN_NAME, message);
+                return None;
+            }
+            Some(Symbolic::Nameless) => return None,
+            None => return Some(None),
+        }))
+    }
+
+    /// A block of the library or the program by its usual name.
+    pub(crate) fn library_block(&self, name: &str) -> Option<BlockId> {
+        let id = self.world.names.get(&name.to_uppercase()).copied();
+        id.filter(|id| self.world.blocks.contains_key(id))
+    }
+
+    /// One step further. Gives how many of the steps behind it were used, too.
+    fn step(
+        &mut self,
+        named: Named<'c>,
+        step: &Step,
+        rest: &[Step],
+        reference: &Ref,
+    ) -> Option<(Named<'c>, usize)> {
+        let span = reference.span;
+        match (named, step) {
+            (Named::Db(number), Step::Dot(token)) => self.in_data(number, *token, rest, reference),
+            (Named::Db(number), Step::Call(args)) => {
+                let ob1_ir::DataKind::Instance(fb) = self.world.data.get(&number).map(|d| d.kind)? else {
+                    self.report(span, &codes::NOT_CALLABLE, format!("DB {number} is no instance of a function block"));
+                    return None;
+                };
+                let place = whole_db(number);
+                let target = Target::Block(fb);
+                self.call_instance(fb, target, Some(Number::Fixed(number)), place, args, span).map(|v| (v, 0))
+            }
+            (Named::Block(id), Step::Dot(token)) if id.kind.has_instance() => self.block_with_data(id, *token, rest, span),
+            (Named::Block(id), Step::Call(args)) => self.call_block(id, args, span).map(|v| (v, 0)),
+            (Named::Function, Step::Call(args)) => {
+                let value = self.function(reference.first, args, span);
+                (!value.is_bad()).then_some((Named::Value(value), 0))
+            }
+            (Named::Instance(fb, var), Step::Call(args)) => {
+                let target = Target::Local(fb, var.at);
+                self.call_instance(fb, target, None, var, args, span).map(|v| (v, 0))
+            }
+            (Named::Instance(fb, var), Step::Dot(token)) => {
+                let ty = self.instance_struct(&var)?;
+                let _ = fb;
+                self.component(var, ty, *token, span).map(|v| (v, 0))
+            }
+            (Named::Value(value), step) => self.value_step(value, step, rest, span),
+            (_, step) => {
+                let what = match step {
+                    Step::Index(_) => "it has no elements",
+                    Step::Call(_) => "it cannot be called",
+                    _ => "it has no components",
+                };
+                self.report(span, &codes::COMPONENT, format!("{}: {what}", self.text(reference.first)));
+                None
+            }
+        }
+    }
+
+    fn value_step(
+        &mut self,
+        value: Typed<'c>,
+        step: &Step,
+        rest: &[Step],
+        span: Span,
+    ) -> Option<(Named<'c>, usize)> {
+        match (value.kind, step) {
+            (Kind::Bad, _) => None,
+            (Kind::Var(var), Step::Dot(token)) => self.component(var, value.ty, *token, span).map(|v| (v, 0)),
+            (Kind::Var(var), Step::Index(indices)) => self.element(var, value.ty, indices, span).map(|v| (v, 0)),
+            (Kind::Var(var), Step::Periphery) => {
+                let Base::Fixed(Area::Input | Area::Output) = var.base else {
+                    self.report(span, &codes::ADDRESS, ":P stands behind inputs and outputs only");
+                    return None;
+                };
+                let side = if matches!(var.base, Base::Fixed(Area::Input)) { Side::Read } else { Side::Write };
+                let var = Var { base: Base::Fixed(Area::Peripheral), side, ..var };
+                Some((Named::Value(Typed::new(Kind::Var(var), value.ty, value.span)), 0))
+            }
+            (Kind::Var(var), Step::Call(args)) => {
+                // An IEC timer or counter within other data.
+                let is_one = |id: &BlockId| self.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *value.ty);
+                let Some(fb) = data_types().find(is_one) else {
+                    self.report(span, &codes::NOT_CALLABLE, format!("{} cannot be called", with_article(value.ty.name())));
+                    return None;
+                };
+                self.call_place(fb, fb, var, args, span).map(|v| (v, 0))
+            }
+            (Kind::Block(number), Step::Dot(token)) if *value.ty == DataType::BlockDb => {
+                let number = match number {
+                    Number::Fixed(n) => return self.in_data(n, *token, rest, &Ref { first: *token, steps: Vec::new(), span }),
+                    other => Typed::new(Kind::Block(other), value.ty, value.span),
+                };
+                self.db_element(Base::DbAt(Box::new(number)), *token, rest, span)
+            }
+            (kind @ (Kind::Call(_) | Kind::Convert(..)), Step::Dot(token)) if *value.ty == DataType::BlockDb => {
+                let number = Typed::new(kind, value.ty, value.span);
+                self.db_element(Base::DbAt(Box::new(number)), *token, rest, span)
+            }
+            (_, Step::Follow) => {
+                self.report(span, &codes::NOT_SUPPORTED, "REF_TO and ^ need references, which this CPU does not have");
+                None
+            }
+            (_, step) => {
+                let what = match step {
+                    Step::Index(_) => "has no elements",
+                    Step::Call(_) => "cannot be called",
+                    _ => "has no component",
+                };
+                self.report(span, &codes::COMPONENT, format!("{} {what}", with_article(value.ty.name())));
+                None
+            }
+        }
+    }
+
+    /// `.name` of a structure, `.%X3` of a bit string.
+    fn component(&mut self, var: Var<'c>, ty: &'c DataType, token: Token, span: Span) -> Option<Named<'c>> {
+        let name = self.name(token);
+        if let DataType::Struct(fields) = ty {
+            if let Some((inner, at)) = self.world.fields.find(fields, name) {
+                return Some(value_at(var, at.0, inner, span));
+            }
+            let known: Vec<&str> = fields.iter().map(|f| f.name.as_str()).collect();
+            let shown: String = name.chars().take(64).collect();
+            let message = format!("the structure has no component {shown}");
+            self.sink.report_unknown(self.block.file, token.span, &codes::COMPONENT, message, name, known);
+            return None;
+        }
+        let sliced = ty.elementary_bits().and_then(|bits| slice(bits, name));
+        match sliced {
+            Some((inner, at)) => Some(value_at(var, at.0, inner, span)),
+            None => {
+                let shown: String = name.chars().take(64).collect();
+                let message = format!("{} has no component {shown}", with_article(ty.name()));
+                self.report(token.span, &codes::COMPONENT, message);
+                None
+            }
+        }
+    }
+
+    /// `[i, j]` of an array, `[i]` of a STRING.
+    fn element(&mut self, mut var: Var<'c>, ty: &'c DataType, indices: &[Expr], span: Span) -> Option<Named<'c>> {
+        if let (DataType::String(max), [index]) = (ty, indices) {
+            let index = self.index(index)?;
+            let high = i32::from(*max);
+            var.at.0 += 16;
+            add_index(&mut var, index, (1, high), 8);
+            return Some(Named::Value(Typed::new(Kind::Var(var), &CHAR, span)));
+        }
+        let DataType::Array(dims, inner) = ty else {
+            self.report(span, &codes::INDEX, format!("{} has no elements", with_article(ty.name())));
+            return None;
+        };
+        if dims.len() != indices.len() {
+            let message = format!("the array has {} dimensions, this is {} indices", dims.len(), indices.len());
+            self.report(span, &codes::INDEX, message);
+            return None;
+        }
+        let mut rows: Vec<u32> = Vec::new();
+        // Rows begin on even bytes, as `Layout` places them.
+        for (at, _) in dims.iter().enumerate().rev() {
+            let stride = match (at + 1 == dims.len(), rows.last(), dims.get(at + 1)) {
+                (true, ..) => Layout::stride(inner),
+                (false, Some(stride), Some(next)) => ob1_model::align_to(next.len().saturating_mul(*stride), 16),
+                _ => 0,
+            };
+            rows.push(stride);
+        }
+        rows.reverse();
+        for ((dim, expr), stride) in dims.iter().zip(indices).zip(rows) {
+            let index = self.index(expr)?;
+            if let Kind::Constant(value) = index.kind {
+                let value = value as i32;
+                if !(dim.low..=dim.high).contains(&value) {
+                    let message = format!("the index {value} is outside the bounds {}..{}", dim.low, dim.high);
+                    self.report(expr.span, &codes::INDEX, message);
+                    return None;
+                }
+            }
+            add_index(&mut var, index, (dim.low, dim.high), stride);
+        }
+        let instance = var.declared.and_then(|d| self.info.instances.get(&d));
+        Some(match instance {
+            Some(fb) if var.terms.is_empty() && !matches!(**inner, DataType::Array(..)) && self.is_instance(*fb, inner) => {
+                Named::Instance(*fb, var)
+            }
+            _ => Named::Value(Typed::new(Kind::Var(var), inner, span)),
+        })
+    }
+
+    fn is_instance(&self, fb: BlockId, ty: &DataType) -> bool {
+        self.world.blocks.get(&fb).is_some_and(|info| info.interface.instance_type() == *ty)
+    }
+
+    /// An index as a DINT.
+    fn index(&mut self, expr: &Expr) -> Option<Typed<'c>> {
+        let value = self.expr(expr);
+        if value.is_bad() {
+            return None;
+        }
+        let value = match value.ty {
+            DataType::Byte | DataType::Word | DataType::DWord => crate::convert::explicit(value, &DINT)?,
+            _ => self.coerced(value, &DINT)?,
+        };
+        Some(value)
+    }
+
+    /// What follows the point behind a data block.
+    fn in_data(
+        &mut self,
+        number: u16,
+        token: Token,
+        rest: &[Step],
+        reference: &Ref,
+    ) -> Option<(Named<'c>, usize)> {
+        let name = self.name(token);
+        let world = self.world;
+        let data: Option<&'c Data> = world.data.get(&number);
+        if let Some(component) = data.and_then(|data| data.find(name)) {
+            let var = Var { at: component.at, ..whole_db(number) };
+            let value = Typed::new(Kind::Var(var), &component.ty, reference.span);
+            return Some((Named::Value(value), 0));
+        }
+        // `"DB".TON(...)`: the data block is an instance of that block.
+        if let Some(Step::Call(args)) = rest.first()
+            && let Some(id) = self.library_block(name).or_else(|| self.symbol_block(name))
+        {
+            let made_for = match data.map(|d| d.kind) {
+                Some(ob1_ir::DataKind::Instance(fb)) => fb,
+                _ => id,
+            };
+            let id = called_with(id, made_for);
+            let place = whole_db(number);
+            let value =
+                self.call_instance(id, Target::Block(id), Some(Number::Fixed(number)), place, args, reference.span)?;
+            return Some((value, 1));
+        }
+        let absolute = db_address(name).is_some();
+        if !absolute || matches!(token.kind, TokenKind::Symbol) {
+            if data.is_none() {
+                world.report_missing_data(number, name, self.block.file, token.span, self.sink);
+                return None;
+            }
+            let known: Vec<&str> = data.into_iter().flat_map(|d| &d.components).map(|c| c.path.as_str()).collect();
+            let shown: String = name.chars().take(64).collect();
+            let message = format!("DB {number} has no component {shown}");
+            self.sink.report_unknown(self.block.file, token.span, &codes::COMPONENT, message, name, known);
+            return None;
+        }
+        self.db_element(Base::Db(number), token, rest, reference.span)
+    }
+
+    fn symbol_block(&self, name: &str) -> Option<BlockId> {
+        match self.world.symbol(name)? {
+            Symbolic::Block(word, number) => Some(BlockId::new(word.kind()?, *number)),
+            _ => None,
+        }
+    }
+
+    /// `DW4`, `DX4.0`, `DW[i]`, `DBX4.0` of a data block.
+    fn db_element(
+        &mut self,
+        base: Base<'c>,
+        token: Token,
+        rest: &[Step],
+        span: Span,
+    ) -> Option<(Named<'c>, usize)> {
+        let Some((width, digits)) = db_address(self.name(token)) else {
+            self.report(token.span, &codes::ADDRESS, "behind a data block stands DX, DB, DW or DD with its address");
+            return None;
+        };
+        let var = Var { base, at: BitAddr(0), terms: Vec::new(), declared: None, side: Side::Both };
+        let (var, used) = self.addressed(var, width, digits, rest, span)?;
+        Some((Named::Value(Typed::new(Kind::Var(var), of_width(width), span)), used))
+    }
+
+    /// An absolute address where a word is one: `MW20`, `I1.0`, `DB11.DW4`, `T3`. The outer `None`: reported.
+    fn absolute(&mut self, reference: &Ref) -> Option<Option<(Named<'c>, usize)>> {
+        let token = reference.first;
+        let text = self.text(token);
+        let (letters, digits) = split_digits(text);
+        let apart = matches!(reference.steps.first(), Some(Step::Number(_)));
+        let indexed = matches!(reference.steps.first(), Some(Step::Index(_)));
+        if digits.is_empty() && !apart && !indexed || letters.is_empty() || letters.len() > 4 {
+            return Some(None);
+        }
+        if self.declared_plainly(text) {
+            return Some(None);
+        }
+        let number = |this: &Self| match reference.steps.first() {
+            Some(Step::Number(n)) if digits.is_empty() => (this.text(*n).parse::<u16>().ok(), 1),
+            _ => (digits.parse().ok(), 0),
+        };
+        let span = reference.span;
+        let bits = letters.strip_suffix(['X', 'x']).and_then(|l| self.words.identifier(l)).filter(|_| letters.len() == 2);
+        match self.words.identifier(letters).or(bits) {
+            Some(Identifier::Memory(area, width)) if !matches!(area, Area::Local | Area::Db | Area::Di) => {
+                if indexed && self.info.declared(text).is_some() {
+                    return Some(None);
+                }
+                let side = match letters.get(1..2) {
+                    Some("E" | "e" | "I" | "i") if area == Area::Peripheral => Side::Read,
+                    Some(_) if area == Area::Peripheral => Side::Write,
+                    _ => Side::Both,
+                };
+                let var = Var { base: Base::Fixed(area), at: BitAddr(0), terms: Vec::new(), declared: None, side };
+                let (var, used) = self.addressed(var, width, digits, &reference.steps, span)?;
+                Some(Some((Named::Value(Typed::new(Kind::Var(var), of_width(width), span)), used)))
+            }
+            Some(Identifier::Timer) if !indexed => {
+                let (n, used) = number(self);
+                let Some(n) = n else { return Some(None) };
+                Some(Some((Named::Value(Typed::new(Kind::Timer(Number::Fixed(n)), &TIMER, span)), used)))
+            }
+            Some(Identifier::Counter) if !indexed => {
+                let (n, used) = number(self);
+                let Some(n) = n else { return Some(None) };
+                Some(Some((Named::Value(Typed::new(Kind::Counter(Number::Fixed(n)), &COUNTER, span)), used)))
+            }
+            Some(Identifier::Block(word)) if !indexed => {
+                let (n, used) = number(self);
+                let (Some(n), Some(kind)) = (n, word.kind()) else { return Some(None) };
+                let id = BlockId::new(kind, n);
+                if id == self.id && !matches!(reference.steps.get(used), Some(Step::Call(_))) {
+                    return Some(self.own_result(span).map(|named| (named, used)));
+                }
+                let named = if kind == BlockKind::Db { Named::Db(n) } else { Named::Block(id) };
+                Some(Some((named, used)))
+            }
+            _ => Some(None),
+        }
+    }
+
+    /// True for a name that is declared without `#`, and so means the declaration.
+    fn declared_plainly(&self, name: &str) -> bool {
+        if self.info.declared(name).is_none() && !self.info.constants.contains_key(&name.to_uppercase()) {
+            return false;
+        }
+        let declared = self.block.sections.iter().flat_map(|(_, list)| list).find(|d| d.name.eq_ignore_ascii_case(name));
+        declared.is_none_or(|d| !self.file.slice(d.span).starts_with('#'))
+    }
+
+    /// The address behind letters: digits, a number apart, or indices. Gives how many steps it took.
+    fn addressed(
+        &mut self,
+        mut var: Var<'c>,
+        width: Width,
+        digits: &str,
+        steps: &[Step],
+        span: Span,
+    ) -> Option<(Var<'c>, usize)> {
+        let wrong = |this: &mut Self| {
+            this.report(span, &codes::ADDRESS, "an address is written I0.0, QB4, MW20, DB11.DW4, MX[i, b] or MW[i]");
+            None
+        };
+        let byte = |text: &str| text.parse::<u32>().ok().filter(|b| *b <= BitAddr::MAX_BYTE);
+        match steps.first() {
+            Some(Step::Index(indices)) if digits.is_empty() => {
+                let (first, second) = match (indices.as_slice(), width) {
+                    ([byte, bit], Width::Bit) => (byte, Some(bit)),
+                    ([byte], _) if width != Width::Bit => (byte, None),
+                    _ => return wrong(self),
+                };
+                let index = self.index(first)?;
+                add_index(&mut var, index, (0, i32::from(u16::MAX)), 8);
+                if let Some(second) = second {
+                    let index = self.index(second)?;
+                    add_index(&mut var, index, (0, 7), 1);
+                }
+                Some((var, 1))
+            }
+            Some(Step::Number(number)) if digits.is_empty() => {
+                let text = self.text(*number);
+                let (first, second) = text.split_once('.').unwrap_or((text, ""));
+                let (Some(byte), bit) = (byte(first), second.parse::<u8>().ok().filter(|b| *b < 8)) else {
+                    return wrong(self);
+                };
+                match (width, bit) {
+                    (Width::Bit, Some(bit)) => var.at = BitAddr::new(byte, bit),
+                    (Width::Bit, None) => return wrong(self),
+                    _ => var.at = BitAddr::byte_addr(byte),
+                }
+                Some((var, 1))
+            }
+            Some(Step::Dot(bit)) if width == Width::Bit && !digits.is_empty() => {
+                let bit = self.text(*bit).parse::<u8>().ok().filter(|b| *b < 8);
+                let (Some(byte), Some(bit)) = (byte(digits), bit) else { return wrong(self) };
+                var.at = BitAddr::new(byte, bit);
+                Some((var, 1))
+            }
+            _ if width != Width::Bit && !digits.is_empty() => {
+                let Some(byte) = byte(digits) else { return wrong(self) };
+                var.at = BitAddr::byte_addr(byte);
+                Some((var, 0))
+            }
+            _ => wrong(self),
+        }
+    }
+
+    /// A constant that a token names or is, as an index or label needs it.
+    pub(crate) fn whole(constant: &Constant) -> Option<i64> {
+        match constant {
+            Constant::Integer(v) => Some(*v),
+            Constant::Text(text) if text.len() == 1 => text.first().map(|b| i64::from(*b)),
+            other => other.whole().map(i64::from),
+        }
+    }
+}
+
+fn value_at<'c>(var: Var<'c>, bits: u32, ty: &'c DataType, span: Span) -> Named<'c> {
+    let var = Var { at: BitAddr(var.at.0 + bits), ..var };
+    Named::Value(Typed::new(Kind::Var(var), ty, span))
+}
+
+/// Adds an index to an address: to the fixed part where it is a constant.
+fn add_index<'c>(var: &mut Var<'c>, index: Typed<'c>, (low, high): (i32, i32), stride: u32) {
+    match index.kind {
+        Kind::Constant(value) => {
+            let distance = i64::from(value as i32) - i64::from(low);
+            var.at.0 = var.at.0.wrapping_add((distance * i64::from(stride)) as u32);
+        }
+        _ => var.terms.push(Term { index, low, high, stride }),
+    }
+}
+
+const fn whole_db<'c>(number: u16) -> Var<'c> {
+    Var { base: Base::Db(number), at: BitAddr(0), terms: Vec::new(), declared: None, side: Side::Both }
+}
+
+/// The type that an address without declaration has.
+pub(crate) const fn of_width(width: Width) -> &'static DataType {
+    match width {
+        Width::Bit => &BOOL,
+        Width::Byte => &BYTE,
+        Width::Word => &WORD,
+        Width::DWord => &DWORD,
+    }
+}
+
+const fn block_type(id: BlockId) -> &'static DataType {
+    match id.kind {
+        BlockKind::Fb | BlockKind::Sfb => &DataType::BlockFb,
+        BlockKind::Fc | BlockKind::Sfc => &DataType::BlockFc,
+        _ => &BLOCK_DB,
+    }
+}
+
+/// `DW4` behind a data block: the letters X, B, W, D with or without D or DB before them. The `D` of `DB` is a byte.
+fn db_address(name: &str) -> Option<(Width, &str)> {
+    let (letters, digits) = split_digits(name);
+    let width = match letters.to_ascii_uppercase().as_str() {
+        "X" | "DX" | "DBX" => Width::Bit,
+        "B" | "DB" | "DBB" => Width::Byte,
+        "W" | "DW" | "DBW" => Width::Word,
+        "D" | "DD" | "DBD" => Width::DWord,
+        _ => return None,
+    };
+    Some((width, digits))
+}

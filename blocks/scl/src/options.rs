@@ -1,0 +1,52 @@
+//! Compiler options that change what a block does: `{SCL_SetOKFlag := 'y'}` before a block or behind its head.
+
+use ob1_stl::front::{Block, File, Kind};
+
+/// The options of one block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Options {
+    /// Calculations and conversions clear OK.
+    pub(crate) set_ok: bool,
+    /// An index outside its array clears OK.
+    pub(crate) monitor_limits: bool,
+    /// The length of each STRING that a function gives back and that is kept in between.
+    pub(crate) longest_text: u8,
+    /// An optimised block of TIA Portal.
+    pub(crate) tia: bool,
+}
+
+impl Options {
+    /// Those of a block: its attributes, and those before it.
+    pub(crate) fn of(block: &Block, file: &File<'_>) -> Self {
+        let mut options = Self { set_ok: false, monitor_limits: false, longest_text: 254, tia: block.optimized };
+        let body = block.scl.as_ref().map_or(0, |range| range.start);
+        for token in file.tokens.iter().take(body).filter(|t| t.kind == Kind::Attributes) {
+            options.read(file.of(*token));
+        }
+        options
+    }
+
+    fn read(&mut self, attributes: &str) {
+        let inner = attributes.trim_matches(['{', '}']);
+        for pair in inner.split([';', ',']) {
+            let Some((name, value)) = pair.split_once(":=") else { continue };
+            let (name, value) = (name.trim().to_ascii_uppercase(), value.trim().trim_matches('\''));
+            let yes = value.eq_ignore_ascii_case("y");
+            match name.as_str() {
+                "SCL_SETOKFLAG" => self.set_ok = yes,
+                "SCL_MONITORARRAYLIMITS" => self.monitor_limits = yes,
+                "SCL_SETMAXIMUMSTRINGLENGTH" => {
+                    self.longest_text = value.parse().ok().filter(|n| (1..=254).contains(n)).unwrap_or(254);
+                }
+                "SCL_RESETOPTIONS" if yes => *self = Self { tia: self.tia, ..Self::default() },
+                _ => {}
+            }
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { set_ok: false, monitor_limits: false, longest_text: 254, tia: false }
+    }
+}

@@ -1,0 +1,44 @@
+//! What front ends share: places in sources, findings, declarations, constants, and what the statements of a program
+//! can name. A front end for another language adds its lexical mode, its statements and their way to operations.
+
+use std::collections::BTreeMap;
+
+use ob1_ir::CodeBlock;
+use ob1_model::BlockId;
+
+pub use crate::codes::Code;
+pub use crate::constant::{Constant, Encoded, PointerConstant};
+pub use crate::diagnostic::{Sink, USES};
+pub use crate::numbering::OF_FUNCTIONS;
+pub use crate::fields::FieldIndex;
+pub use crate::identifiers::{BlockWord, Identifier};
+pub use crate::operand::Resolver;
+pub use crate::parser::{split_digits, unquote};
+pub use crate::path::slice;
+pub use crate::reader::Reader;
+pub use crate::source::to_byte;
+pub use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, Type, TypeKind};
+pub use crate::tia::{called_with, data_types, same_instance};
+pub use crate::token::{File, Kind, Span, Token};
+pub use crate::type_words::with_article;
+pub use crate::words::Words;
+pub use crate::world::{Data, Info, Symbolic, World, called};
+
+/// What a block's statements are compiled with.
+#[derive(Debug)]
+pub struct Scope<'s> {
+    /// The block's source.
+    pub file: &'s File<'s>,
+    /// What can be named.
+    pub world: &'s World,
+    /// Where findings go.
+    pub sink: &'s mut Sink,
+    /// Instance data blocks that calls name and no source declares, with their function block.
+    pub wanted: &'s mut BTreeMap<u16, BlockId>,
+}
+
+/// Compiles the statements of blocks that are written in SCL.
+pub trait Statements: std::fmt::Debug {
+    /// A block's operations; `None` when it has a mistake (reported).
+    fn compile(&self, id: BlockId, block: &Block, scope: Scope<'_>) -> Option<CodeBlock>;
+}
