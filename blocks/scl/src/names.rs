@@ -90,7 +90,9 @@ impl<'c> Checker<'c> {
             if let Some((named, used)) = self.absolute(reference)? {
                 return Some((named, used));
             }
-            if let Some(named) = self.local(name, token.span, called) {
+            // A variable may be called like the function that gives its value.
+            let local = self.local(name, token.span, called);
+            if let Some(named) = local.filter(|named| !called || !matches!(named, Named::Value(_))) {
                 return Some((named, 0));
             }
         }

@@ -480,7 +480,7 @@ impl<'e> Elaborator<'e> {
             self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }
-        if Layout::bits(&resolved.ty) > Layout::bits(&below) {
+        if needed(&resolved.ty) > Layout::bits(&below).max(8) {
             let message = format!("{} is longer than {over}, which it overlays", declaration.name);
             self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
@@ -569,6 +569,22 @@ impl<'e> Elaborator<'e> {
             }
         }
         Some((param, resolved.fb))
+    }
+}
+
+/// Bits that a view reaches into: the filling at the end of a structure or array does not count.
+fn needed(ty: &DataType) -> u32 {
+    match ty {
+        DataType::Array(dims, element) => {
+            let last = dims.last().map_or(0, |d| d.len());
+            let before = Layout::bits(ty) - ob1_model::align_to(last.saturating_mul(Layout::stride(element)), 16);
+            before + last.saturating_sub(1).saturating_mul(Layout::stride(element)) + needed(element)
+        }
+        DataType::Struct(fields) => {
+            let mut layout = Layout::new();
+            fields.iter().map(|f| layout.place(&f.ty).0 + needed(&f.ty)).max().unwrap_or(0)
+        }
+        _ => Layout::bits(ty),
     }
 }
 

@@ -133,7 +133,10 @@ pub(crate) fn simple(word: &str) -> Option<DataType> {
 /// True for a type of TIA Portal that STL cannot work on.
 pub(crate) fn without_stl(word: &str) -> bool {
     WITHOUT_STL.contains(&word)
-        || ["CTU_", "CTD_", "CTUD_", "TON_", "TOF_", "TP_"].iter().any(|counter| word.starts_with(counter))
+        || word.rsplit_once('_').is_some_and(|(one, of)| {
+            ["CTU", "CTD", "CTUD", "TON", "TOF", "TP"].contains(&one)
+                && ["SINT", "USINT", "UINT", "DINT", "UDINT", "LINT", "ULINT", "LTIME"].contains(&of)
+        })
         || ["IEC_SCOUNTER", "IEC_DCOUNTER", "IEC_UCOUNTER", "IEC_UDCOUNTER", "IEC_USCOUNTER"].contains(&word)
 }
 
