@@ -12,7 +12,9 @@ fn mask(bits: u32) -> Op {
 
 fn converted<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, ty: &'w DataType) -> Typed<'w> {
     let span = value.span;
-    let kind = match (ops.is_empty() && check == Check::Never, value) {
+    // The width of the access is that of the variable.
+    let same = value.ty.elementary_bits() == ty.elementary_bits() || !matches!(value.kind, Kind::Var(_));
+    let kind = match (ops.is_empty() && check == Check::Never && same, value) {
         (true, Typed { kind, .. }) => kind,
         (false, value) => Kind::Convert(ops, check, Box::new(value)),
     };

@@ -18,6 +18,7 @@ impl Code {
     pub(crate) fn value(&mut self, value: &Typed<'_>) {
         match &value.kind {
             Kind::Constant(bits) => self.op(Op::LoadConst(*bits)),
+            Kind::Flexible(constant) => self.op(Op::LoadConst(constant.load().unwrap_or(0))),
             _ if *value.ty == DataType::Bool => self.from_bool(value),
             Kind::Var(var) => {
                 let operand = self.operand(var, value.ty);

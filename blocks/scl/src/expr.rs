@@ -53,6 +53,9 @@ impl<'c> Checker<'c> {
     /// A value as one of a wider type of its class. `None`: reported.
     pub(crate) fn coerced(&mut self, value: Typed<'c>, to: &'c DataType) -> Option<Typed<'c>> {
         let span = value.span;
+        if let Some(shifted) = reshifted(&value, to) {
+            return Some(shifted);
+        }
         if let Kind::Flexible(constant) = &value.kind {
             match fitted(constant, to, span) {
                 Ok(value) => return Some(value),
@@ -214,6 +217,8 @@ impl<'c> Checker<'c> {
                 let ty = beside(constant, right.ty);
                 Some((self.coerced(left, ty)?, right))
             }
+            (_, _) if reshifted(&right, left.ty).is_some() => reshifted(&right, left.ty).map(|right| (left, right)),
+            (_, _) if reshifted(&left, right.ty).is_some() => reshifted(&left, right.ty).map(|left| (left, right)),
             (_, Kind::Flexible(constant)) => {
                 let ty = beside(constant, left.ty);
                 let right = self.coerced(right, ty)?;
@@ -459,6 +464,14 @@ fn beside<'c>(constant: &Constant, other: &'c DataType) -> &'c DataType {
 pub(crate) fn flexible<'c>(constant: Constant, span: Span) -> Typed<'c> {
     let ty = Checker::own_type(&constant);
     Typed::new(Kind::Flexible(constant), ty, span)
+}
+
+/// The shift of a constant without a type of its own, in the type its place wants.
+fn reshifted<'c>(value: &Typed<'c>, to: &'c DataType) -> Option<Typed<'c>> {
+    let Kind::Shift(shifted, inner, count) = &value.kind else { return None };
+    let Kind::Flexible(constant) = &inner.kind else { return None };
+    let inner = fitted(constant, to, inner.span).ok().filter(|_| is_bits(to))?;
+    Some(Typed::new(Kind::Shift(*shifted, Box::new(inner), count.clone()), to, value.span))
 }
 
 /// A constant as a value of a type; the error says why it is none.

@@ -2,7 +2,7 @@
 
 use ob1_ir::{Compare, Convert, MathFn, Op};
 use ob1_model::DataType;
-use ob1_stl::front::{OF_FUNCTIONS, Span, Token, with_article};
+use ob1_stl::front::{Constant, OF_FUNCTIONS, Span, Token, with_article};
 
 use crate::check::Checker;
 use crate::codes;
@@ -392,7 +392,12 @@ impl<'c> Checker<'c> {
             (None, Kind::Flexible(constant)) => {
                 let own = Self::own_type(constant);
                 let ty = if is_bits(own) { own } else if *own == DataType::Int { &WORD } else { &DWORD };
-                self.coerced(value, ty)?
+                // Its place may want another type.
+                if matches!(constant, Constant::Radix(_) | Constant::Integer(_)) {
+                    Typed { ty, ..value }
+                } else {
+                    self.coerced(value, ty)?
+                }
             }
             _ => value,
         };

@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "its output")]
 #![allow(missing_docs, unreachable_pub, reason = "a program")]
 
+mod judge;
 mod samples;
 
 use std::collections::BTreeSet;
@@ -12,22 +13,17 @@ use std::path::Path;
 use ob1_stl::{Options, Severity, Source};
 
 fn main() {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+    let mut args = std::env::args().skip(1);
+    let (filter, calls) = (args.next().unwrap_or_default(), args.next().and_then(|n| n.parse().ok()).unwrap_or(0u32));
+    let only = args.next();
     let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else {
         println!("skipped: OB1_STEP7_PROJECTS names no folder with the sample releases");
         return;
     };
-    let filter = args.first().cloned().unwrap_or_default();
     let mut distinct: BTreeSet<Vec<u8>> = BTreeSet::new();
     let (mut files, mut good, mut shown) = (0, 0, 0);
-    for path in samples::archives(Path::new(&folder)) {
-        if !path.to_string_lossy().contains(&filter) {
-            continue;
-        }
-        let Some(release) = samples::read(&path) else {
-            println!("{}: no program with SCL sources", path.display());
-            continue;
-        };
+    let releases = samples::archives(Path::new(&folder)).into_iter().filter(|p| p.to_string_lossy().contains(&filter));
+    for release in releases.flat_map(|path| samples::read(&path)) {
         let mut sources: Vec<Source> = release.scl.iter().map(|(_, s)| s.clone()).collect();
         let count = sources.len();
         sources.extend(release.rest.iter().cloned());
@@ -43,17 +39,49 @@ fn main() {
             }
         }
         let scl_bad = bad.iter().filter(|b| **b < count).count();
-        println!(
-            "{}: {} SCL, {} bad, {} others, {} bad, replaced {}, blocks {} of {}",
-            release.name, count, scl_bad, release.rest.len(), bad.len() - scl_bad, release.replaced.len(),
-            output.program.blocks.len(), release.reference.blocks.len()
-        );
+        let (ours, theirs) = (output.program.blocks.len(), release.reference.blocks.len());
+        println!("{}: {count} SCL sources, {scl_bad} with errors; {ours} of {theirs} blocks", release.name);
         for (at, (_, source)) in release.scl.iter().enumerate() {
             if distinct.insert(source.bytes.clone()) {
                 files += 1;
                 good += usize::from(!bad.contains(&at));
             }
         }
+        let natives = release.library.clone();
+        let external = |id| natives.get(id).map(|b| &b.interface);
+        for program in [&release.reference, &output.program] {
+            let Err(defects) = ob1_ir::verify(program, &external) else { continue };
+            for defect in defects.iter().take(20) {
+                let name = program.blocks.iter().find(|b| Some(b.id) == defect.block).and_then(|b| b.name.clone());
+                println!("  defect: {} {defect}", name.unwrap_or_default());
+            }
+        }
+        if calls > 0 {
+            equality(&release, &output.program, calls, only.as_deref());
+        }
     }
     println!("distinct sources: {good} of {files} compile");
+}
+
+/// Each function and function block of a release, and how many are equal.
+fn equality(release: &samples::Release, ours: &ob1_ir::Program, calls: u32, only: Option<&str>) {
+    let (mut equal, mut different, mut left) = (0, 0, 0);
+    let ids = release.scl.iter().filter_map(|(id, source)| Some(((*id)?, &source.name)));
+    for (id, name) in ids.filter(|(id, _)| id.kind != ob1_model::BlockKind::Db) {
+        if only.is_some_and(|only| !name.eq_ignore_ascii_case(&format!("{only}.scl"))) {
+            continue;
+        }
+        match judge::judge(&release.reference, ours, id, &release.replaced, calls) {
+            judge::Verdict::Equal(_) => equal += 1,
+            judge::Verdict::Differs(call, what) => {
+                different += 1;
+                println!("  {id} {name}: call {call}: {what}");
+            }
+            judge::Verdict::Left(why) => {
+                left += 1;
+                println!("  {id} {name}: left out: {why}");
+            }
+        }
+    }
+    println!("{}: {equal} equal, {different} different, {left} left out", release.name);
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_ir::{Program, Symbol};
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Archive, CodePage, Notes, Project, Tree, Wanted, translate};
+use ob1_project::{Archive, Choice, CodePage, Notes, Project, Tree, Wanted, translate};
 use ob1_std::standard_blocks;
 use ob1_stl::{Library, Mnemonics, Source, read_symbols};
 
@@ -61,39 +61,60 @@ fn symbol_text(rows: &[ob1_project::SymbolRow]) -> String {
         .collect()
 }
 
-/// What a source makes: the first word and the name behind it.
-fn head(text: &str) -> Option<(&'static str, String)> {
+/// What a source makes: the first words of its blocks and the names behind them.
+fn heads(text: &str) -> Vec<(&'static str, String)> {
+    const WORDS: [&str; 5] = ["FUNCTION_BLOCK", "FUNCTION", "TYPE", "DATA_BLOCK", "ORGANIZATION_BLOCK"];
+    let mut out = Vec::new();
     for line in text.lines() {
         let line = line.trim_start_matches('\u{feff}').trim();
-        for word in ["FUNCTION_BLOCK", "FUNCTION", "TYPE", "DATA_BLOCK", "ORGANIZATION_BLOCK"] {
-            let Some(start) = line.get(..word.len()) else { continue };
-            if !start.eq_ignore_ascii_case(word) || !line[word.len()..].starts_with([' ', '\t']) {
-                continue;
-            }
+        let begins = |word: &&str| {
+            line.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
+                && line[word.len()..].starts_with([' ', '\t'])
+        };
+        if let Some(word) = WORDS.into_iter().find(begins) {
             let name = line[word.len()..].trim().trim_start_matches('"');
-            let name: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-            return Some((word, name));
+            out.push((word, name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()));
         }
     }
-    None
+    out
 }
 
-/// Reads one archive. `None` where it holds no program with SCL sources.
-pub fn read(path: &Path) -> Option<Release> {
-    let archive = Archive::open(std::fs::read(path).ok()?).ok()?;
+/// The programs of one archive that have SCL sources.
+pub fn read(path: &Path) -> Vec<Release> {
+    let Some(archive) = std::fs::read(path).ok().and_then(|bytes| Archive::open(bytes).ok()) else { return Vec::new() };
     let tree = Tree::new(&archive);
-    let root = tree.roots().into_iter().next()?;
-    let project = Project::read(&tree, &root);
-    let choice = project
-        .choices()
-        .into_iter()
-        .max_by_key(|c| project.sources(&tree, *c).iter().filter(|s| !s.stl).count())?;
-    let texts = project.sources(&tree, choice);
-    let rows = project.symbols(&tree, choice, &mut Notes::new());
+    let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let mut out = Vec::new();
+    for root in tree.roots() {
+        let project = Project::read(&tree, &root);
+        for choice in project.choices() {
+            out.extend(program(&tree, &project, choice, &format!("{stem}/{}", project.title(choice))));
+        }
+    }
+    out
+}
+
+fn block_id(address: &str) -> Option<BlockId> {
+    let at = address.find(|c: char| c.is_ascii_digit())?;
+    let kind = match address.get(..at)? {
+        "FC" => BlockKind::Fc,
+        "FB" => BlockKind::Fb,
+        "OB" => BlockKind::Ob,
+        "DB" => BlockKind::Db,
+        _ => return None,
+    };
+    Some(BlockId::new(kind, address.get(at..)?.parse().ok()?))
+}
+
+/// One program. `None` where it has no SCL sources.
+fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Option<Release> {
+    let texts = project.sources(tree, choice);
+    if texts.iter().all(|t| t.stl) {
+        return None;
+    }
+    let rows = project.symbols(tree, choice, &mut Notes::new());
     let symbols = read_symbols(&Source::new("symbols.sdf", symbol_text(&rows).as_bytes())).symbols;
-    let folder = project.blocks(&tree, choice).ok()?;
-    let iec: BTreeSet<BlockId> =
-        standard_blocks().into_iter().filter(|b| b.origin == ob1_std::Origin::Iec).map(|b| b.id).collect();
+    let folder = project.blocks(tree, choice).ok()?;
     let named: BTreeMap<BlockId, &str> = standard_blocks()
         .into_iter()
         .filter(|b| b.origin == ob1_std::Origin::Iec)
@@ -102,7 +123,7 @@ pub fn read(path: &Path) -> Option<Release> {
     let replaced: BTreeSet<BlockId> = folder
         .blocks
         .iter()
-        .filter(|(id, b)| iec.contains(id) && named.get(id).is_some_and(|n| n.get(..8.min(n.len())) == Some(b.head.name.trim())))
+        .filter(|(id, b)| named.get(id).is_some_and(|n| n.get(..8.min(n.len())) == Some(b.head.name.trim())))
         .map(|(id, _)| *id)
         .collect();
     let library = library(&replaced);
@@ -115,40 +136,24 @@ pub fn read(path: &Path) -> Option<Release> {
     };
     let translation = translate(&folder, &wanted);
     let by_name: BTreeMap<String, &Symbol> = symbols.iter().map(|s| (s.name.to_uppercase(), s)).collect();
-    let mut scl = Vec::new();
-    let mut taken = BTreeSet::new();
+    let (mut scl, mut taken) = (Vec::new(), BTreeSet::new());
     for text in texts.iter().filter(|t| !t.stl) {
-        let Some((word, name)) = head(&text.text) else { continue };
-        let address = by_name.get(&name.to_uppercase()).map_or(name.clone(), |s| s.address.clone());
-        let compact: String = address.chars().filter(|c| !c.is_whitespace()).collect();
-        let id = compact.find(|c: char| c.is_ascii_digit()).and_then(|at| {
-            let kind = match &compact[..at] {
-                "FC" => BlockKind::Fc,
-                "FB" => BlockKind::Fb,
-                "OB" => BlockKind::Ob,
-                "DB" => BlockKind::Db,
-                _ => return None,
-            };
-            Some(BlockId::new(kind, compact[at..].parse().ok()?))
-        });
-        if !taken.insert(compact.clone()) && word != "TYPE" {
+        let mut ids = Vec::new();
+        for (word, name) in heads(&text.text) {
+            let address = by_name.get(&name.to_uppercase()).map_or(name.clone(), |s| s.address.clone());
+            let compact: String = address.chars().filter(|c| !c.is_whitespace()).collect();
+            ids.push((word, compact));
+        }
+        if ids.is_empty() || ids.iter().any(|(_, id)| taken.contains(id)) {
             continue;
         }
-        let id = id.filter(|_| word != "TYPE");
-        scl.push((id, Source::new(format!("{name}.scl"), text.text.as_bytes())));
-        if word == "TYPE" {
-            taken.insert(compact);
-        }
+        taken.extend(ids.iter().map(|(_, id)| id.clone()));
+        let id = ids.first().filter(|(word, _)| *word != "TYPE").and_then(|(_, id)| block_id(id));
+        scl.push((id, Source::new(format!("{}.scl", text.name), text.text.as_bytes())));
     }
-    let rest = translation
-        .sources
-        .iter()
-        .filter(|file| {
-            let name = file.name.split('.').next().unwrap_or("").replace('_', "");
-            !taken.contains(&name)
-        })
-        .map(|file| Source::new(file.name.clone(), file.bytes.clone()))
-        .collect();
-    let name = path.file_stem()?.to_string_lossy().into_owned();
-    Some(Release { name, scl, reference: translation.program, rest, symbols, library, replaced })
+    let is_rest = |file: &&ob1_project::ProgramFile| {
+        !taken.contains(&file.name.split('.').next().unwrap_or("").replace('_', ""))
+    };
+    let rest = translation.sources.iter().filter(is_rest).map(|f| Source::new(f.name.clone(), f.bytes.clone())).collect();
+    Some(Release { name: name.to_owned(), scl, reference: translation.program, rest, symbols, library, replaced })
 }
