@@ -12,8 +12,9 @@ fn mask(bits: u32) -> Op {
 
 fn converted<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, ty: &'w DataType) -> Typed<'w> {
     let span = value.span;
-    // The width of the access is that of the variable.
-    let same = value.ty.elementary_bits() == ty.elementary_bits() || !matches!(value.kind, Kind::Var(_));
+    // The width of an access is that of the variable, and an operation is that of its own type.
+    let bits = value.ty.elementary_bits();
+    let same = matches!(value.kind, Kind::Constant(_)) || matches!(value.kind, Kind::Var(_)) && bits == ty.elementary_bits();
     let kind = match (ops.is_empty() && check == Check::Never && same, value) {
         (true, Typed { kind, .. }) => kind,
         (false, value) => Kind::Convert(ops, check, Box::new(value)),

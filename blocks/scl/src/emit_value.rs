@@ -246,18 +246,18 @@ impl Code {
             }
             return;
         }
-        // The number of places in ACCU2, the value in ACCU1; what is negative or too large gives 0.
-        self.two(value, count);
-        let n = self.temp(Width::Word);
-        self.op(Op::Transfer(n));
-        self.op(Op::ExchangeAccus);
+        // The lowest byte of the number counts, as the statement takes it.
+        self.two(count, value);
+        if bits == 32 {
+            self.op(Op::Shift(op, None));
+            return;
+        }
         let kept = self.keep();
         let (zero, end) = (self.label(), self.label());
-        self.op(Op::LoadConst(0));
-        self.op(Op::Load(n));
-        self.op(Op::Compare(NumberFormat::Int, Compare::Greater));
-        self.jump(Jump::IfRlo, zero);
-        self.op(Op::LoadConst(bits));
+        self.op(Op::ExchangeAccus);
+        let n = self.temp(Width::Word);
+        self.op(Op::Transfer(n));
+        self.op(Op::LoadConst(16));
         self.op(Op::Compare(NumberFormat::Int, Compare::GreaterEqual));
         self.jump(Jump::IfRlo, zero);
         self.op(Op::Load(n));

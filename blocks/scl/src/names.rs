@@ -383,12 +383,11 @@ impl<'c> Checker<'c> {
             return None;
         }
         let mut rows: Vec<u32> = Vec::new();
-        // Rows begin on even bytes, as `Layout` places them.
+        // Siemens' compiler counts elements, though the room of an array has rows that begin on even bytes.
         for (at, _) in dims.iter().enumerate().rev() {
-            let stride = match (at + 1 == dims.len(), rows.last(), dims.get(at + 1)) {
-                (true, ..) => Layout::stride(inner),
-                (false, Some(stride), Some(next)) => ob1_model::align_to(next.len().saturating_mul(*stride), 16),
-                _ => 0,
+            let stride = match (rows.last(), dims.get(at + 1)) {
+                (Some(stride), Some(next)) => next.len().saturating_mul(*stride),
+                _ => Layout::stride(inner),
             };
             rows.push(stride);
         }
