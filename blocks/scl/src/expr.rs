@@ -335,6 +335,9 @@ impl<'c> Checker<'c> {
             return self.refuse(operator, &left, &right, span);
         }
         let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
+        if let Some(product) = one_factor(op, &left, &right, span) {
+            return Some(product);
+        }
         if operator == Operator::Mod && *ty == DataType::Int {
             let (left, right) = (self.coerced(left, &DINT)?, self.coerced(right, &DINT)?);
             return Some(Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), &INT, span));
@@ -464,6 +467,20 @@ fn beside<'c>(constant: &Constant, other: &'c DataType) -> &'c DataType {
 pub(crate) fn flexible<'c>(constant: Constant, span: Span) -> Typed<'c> {
     let ty = Checker::own_type(&constant);
     Typed::new(Kind::Flexible(constant), ty, span)
+}
+
+/// `x * 2.0 * 3.0` as `x * 6.0`: Siemens' compiler multiplies real constants in a row.
+fn one_factor<'c>(op: AccuOp, left: &Typed<'c>, right: &Typed<'c>, span: Span) -> Option<Typed<'c>> {
+    let (Kind::Arithmetic(AccuOp::Mul, value, first), Kind::Constant(second)) = (&left.kind, &right.kind) else {
+        return None;
+    };
+    let Kind::Constant(first) = first.kind else { return None };
+    if op != AccuOp::Mul || *left.ty != DataType::Real || *right.ty != DataType::Real {
+        return None;
+    }
+    let product = f64::from(f32::from_bits(first)) * f64::from(f32::from_bits(*second));
+    let factor = Typed::new(Kind::Constant((product as f32).to_bits()), &REAL, right.span);
+    Some(Typed::new(Kind::Arithmetic(op, value.clone(), Box::new(factor)), &REAL, span))
 }
 
 /// The shift of a constant without a type of its own, in the type its place wants.

@@ -366,14 +366,14 @@ pub fn compile_texts(
     let limit = (!wanted.all_messages).then_some(LIMIT);
     let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints, fixed, kept, limit };
     let images = read_images(wanted, &mut findings);
-    let mut output = ob1_stl::compile(sources, library, &options);
+    let mut output = ob1_scl::compile(sources, library, &options);
     let mut library = Cow::Borrowed(library);
     if !images.is_empty() {
         let declared: BTreeSet<BlockId> = output.program.blocks.iter().map(|block| block.id).collect();
         let stands = |id| declared.contains(&id);
         if images.iter().filter_map(Image::id).any(|id| id.kind != BlockKind::Db && !stands(id)) {
             ob1_project::announce(&images, &stands, library.to_mut());
-            output = ob1_stl::compile(sources, &library, &options);
+            output = ob1_scl::compile(sources, &library, &options);
         }
     }
     if let Err(refused) = ob1_project::overlay(&mut output.program, &images, &library) {
