@@ -3,7 +3,7 @@
 use ob1_ir::compose;
 use ob1_ir::{
     AddressRegister, Arg, BitTest, Call as IrCall, CallMode, DbRegister, Jump, Logic, Number, NumberFormat, Op, Operand,
-    Place, Pointer, StatusBit, Width, WordLogic,
+    Place, StatusBit, Width, WordLogic,
 };
 use ob1_model::{Area, BitAddr, DataType, Layout, Param, Section};
 
@@ -50,13 +50,6 @@ impl Code {
             let place = self.place(var);
             self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(bit) });
             self.op(Op::Assign(place));
-        }
-        if self.options.set_ok
-            && call.place.is_none()
-            && matches!(call.target, ob1_ir::Target::Block(id) if id.kind.is_function())
-            && let Some(_ok) = self.ok
-        {
-            // A block called behaves like a function of its own: OK is not touched by it.
         }
         result
     }
@@ -402,12 +395,6 @@ impl Code {
         let any = (formal.ty == DataType::Any).then(|| any_length(value.ty));
         let place = self.place(to);
         self.make_pointer(var, any, &|width, byte| Operand { width, place: crate::emit_copy::beyond(place, byte) });
-    }
-
-    /// A pointer in the local data that holds a word.
-    #[must_use]
-    pub(crate) const fn word_at(at: BitAddr) -> Pointer {
-        Pointer { area: Area::Local, at }
     }
 }
 

@@ -3,7 +3,7 @@
 use ob1_ir::{Arg, Call as IrCall, CallMode, Op, Operand, Place, Target, Width};
 use ob1_model::{Area, BitAddr, DataType, Layout};
 
-use crate::code::{Code, local};
+use crate::code::Code;
 use crate::tree::{Base, Kind, Side, Typed, Var};
 
 /// Bytes up to which a structure is moved by single statements.
@@ -243,9 +243,4 @@ fn pieces(bytes: u32) -> Vec<(u32, Width)> {
         at += width.bytes();
     }
     out
-}
-
-/// An operand of the local data, for whoever has only its address.
-pub(crate) const fn byte_at(at: BitAddr) -> Operand {
-    local(Width::Byte, at)
 }

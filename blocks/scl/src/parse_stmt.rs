@@ -108,7 +108,7 @@ impl Cursor<'_, '_> {
         match self.kind() {
             Some(Kind::Assign) => {
                 self.bump();
-                let value = self.chained();
+                let value = self.expression();
                 self.semicolon();
                 Some(StmtKind::Assign(target, value))
             }
@@ -129,10 +129,6 @@ impl Cursor<'_, '_> {
     fn periphery_follows(&self) -> bool {
         let p = self.peek_at(2).is_some_and(|t| t.kind == Kind::Word && self.text(t).eq_ignore_ascii_case("P"));
         p && self.peek_at(3).is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::AssignWith))
-    }
-
-    fn chained(&mut self) -> Expr {
-        self.expression()
     }
 
     /// `x += e`.
@@ -156,7 +152,7 @@ impl Cursor<'_, '_> {
         let again = self.reference();
         self.at = behind;
         self.bump();
-        let value = self.chained();
+        let value = self.expression();
         self.semicolon();
         let (left, span) = (again.span, again.span.to(value.span));
         let left = Expr { kind: ExprKind::Ref(again), span: left };
@@ -221,6 +217,7 @@ impl Cursor<'_, '_> {
 
     fn labels(&mut self) -> Vec<Label> {
         let mut labels = Vec::new();
+        let before = self.at;
         loop {
             let low = self.expression();
             let high = self.eat(Kind::DotDot).then(|| self.expression());
@@ -229,7 +226,9 @@ impl Cursor<'_, '_> {
                 break;
             }
         }
-        self.eat(Kind::Colon);
+        if !self.eat(Kind::Colon) && self.at == before {
+            self.bump();
+        }
         labels
     }
 

@@ -107,13 +107,13 @@ impl PointerConstant {
 
 /// The ANY of a timer, counter or block: type code, number ["ANY Format for Parameter Types": the count is 1, bytes 4,
 /// 5 and 7 are 0, byte 6 repeats the type].
-pub fn any_of_number(code: u8, number: u16) -> Vec<u8> {
+pub(crate) fn any_of_number(code: u8, number: u16) -> Vec<u8> {
     let [high, low] = number.to_be_bytes();
     vec![0x10, code, 0, 1, 0, 0, code, 0, high, low]
 }
 
 /// Parses a number without sign, or a constant with prefix. The error is the sentence to report.
-pub fn parse(text: &str, negative: bool) -> Result<Constant, String> {
+pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
     let Some((prefix, body)) = text.split_once('#') else { return number(text, negative) };
     let wrong = |what: &str| Err(format!("{} is no {what}", clip(text)));
     match prefix.to_ascii_uppercase().as_str() {
@@ -222,7 +222,7 @@ fn decimal(body: &str) -> Option<i32> {
 }
 
 /// Characters of a text between its quotes, before which `CHAR#` may stand; `$` escapes as in STEP 7.
-pub fn text(quoted: &str) -> Result<Vec<u8>, String> {
+pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
     let inner = quoted.split_once('\'').map_or(quoted, |(_, inner)| inner);
     let inner = inner.strip_suffix('\'').unwrap_or(inner);
     let mut out = Vec::with_capacity(inner.len());

@@ -171,7 +171,7 @@ pub struct Sink {
 }
 
 impl Sink {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { raw: Vec::new(), missing: BTreeMap::new(), foreign: BTreeSet::new(), suggestions_left: 200, steps: 0 }
     }
 

@@ -37,7 +37,7 @@ pub enum BlockWord {
 }
 
 #[rustfmt::skip]
-pub static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
+pub(crate) static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
     use Identifier::{Block, Counter, Crossing, DbLength, DbNumber, Memory, Register, Status, StatusWord, Timer};
     use Width::{Bit, Byte, DWord, Word};
     [
@@ -155,7 +155,7 @@ impl BlockWord {
 }
 
 /// The relations to zero that `U O X` scan: `U ==0`.
-pub const RELATIONS: [(&str, StatusBit); 6] = [
+pub(crate) const RELATIONS: [(&str, StatusBit); 6] = [
     ("==", StatusBit::Zero),
     (">", StatusBit::Positive),
     ("<", StatusBit::Negative),

@@ -12,15 +12,20 @@ mod auto;
 mod brackets;
 mod call;
 pub mod codes;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod constant;
 mod data;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod diagnostic;
 mod elaborate;
 mod expand;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod fields;
 mod fit;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod fold;
 pub mod front;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod identifiers;
 mod initial;
 mod inspect;
@@ -38,32 +43,44 @@ mod literal;
 mod lower;
 mod mnemonics;
 mod names;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod numbering;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod operand;
 mod parse_code;
 mod parse_types;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod parser;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod path;
 pub mod print;
 mod raw_list;
 mod reach;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod reader;
 mod recognise;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod source;
 mod source_lines;
 mod supplied;
 mod symbol_rows;
 mod symbol_table;
 mod symbols;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod syntax;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod tia;
 mod time;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod token;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod type_words;
 mod types;
 mod value;
 mod value_text;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod words;
+#[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod world;
 mod xref;
 

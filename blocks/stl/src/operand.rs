@@ -22,10 +22,10 @@ const LONGEST_IDENTIFIER: usize = 4;
 /// The names in scope.
 #[derive(Clone, Copy)]
 pub struct Resolver<'w> {
-    pub world: &'w World,
-    pub words: &'w Words,
+    pub(crate) world: &'w World,
+    pub(crate) words: &'w Words,
     /// The block whose statements are resolved.
-    pub block: Option<(BlockKind, &'w Info)>,
+    pub(crate) block: Option<(BlockKind, &'w Info)>,
     /// Set within `[ ]`, where no further indirect address may stand.
     nested: bool,
     /// Constants by name in capitals, where expressions of them may stand: in SCL.
@@ -55,7 +55,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// Reads the operand within `[ ]`.
-    pub fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
             reader.report(span, &codes::INDIRECT, "an indirect address cannot be at an indirect address itself");
             return None;
@@ -64,7 +64,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// Reads one operand. `None` when it is not valid (reported).
-    pub fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
+    pub(crate) fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
         let span = reader.here();
         let Some(token) = reader.peek() else {
             reader.report(span, &codes::OPERAND_MISSING, "an operand is missing");
@@ -160,13 +160,13 @@ impl<'w> Resolver<'w> {
     }
 
     /// The block of the library that has this name.
-    pub fn offered(&self, name: &str) -> Option<BlockId> {
+    pub(crate) fn offered(&self, name: &str) -> Option<BlockId> {
         let id = self.world.names.get(&name.to_uppercase()).copied();
         id.filter(|id| self.world.blocks.contains_key(id))
     }
 
     /// The block whose usual name this is, where neither program nor library have it.
-    pub fn lacking(&self, name: &str) -> Option<BlockId> {
+    pub(crate) fn lacking(&self, name: &str) -> Option<BlockId> {
         let id = self.world.names.get(&name.to_uppercase()).copied()?;
         let is_there =
             self.world.blocks.contains_key(&id) || self.is_declared(name) || self.world.symbol(name).is_some();
@@ -174,12 +174,12 @@ impl<'w> Resolver<'w> {
     }
 
     /// True for a name that the block declares.
-    pub fn is_declared(&self, name: &str) -> bool {
+    pub(crate) fn is_declared(&self, name: &str) -> bool {
         self.block.is_some_and(|(_, info)| info.declared(name).is_some())
     }
 
     /// True for a word that means nothing here, and of which nothing is known.
-    pub fn is_unknown(&self, word: &str) -> bool {
+    pub(crate) fn is_unknown(&self, word: &str) -> bool {
         let (letters, digits) = split_digits(word);
         let is_identifier = |word: &str| self.words.identifier(word).is_some();
         let is_operand = is_identifier(word) || !digits.is_empty() && is_identifier(letters);
@@ -318,7 +318,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// What follows `DB10.`: `DBW 20` or the name of a component.
-    pub fn in_data(
+    pub(crate) fn in_data(
         &self,
         reader: &mut Reader<'_, '_>,
         word: BlockWord,
@@ -388,7 +388,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `"symbol"`; a component may follow that of a data block.
-    pub fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         match self.world.symbol(name) {
             Some(Symbolic::Block(BlockWord::Db, n)) if reader.peek_kind() == Some(Kind::Dot) => {
                 reader.next();
@@ -420,7 +420,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `#name` with its components.
-    pub fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         let declared = self.block.and_then(|(kind, info)| {
             let (index, overlay) = info.declared(name)?;
             Some((kind, info, index, overlay))

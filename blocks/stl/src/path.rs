@@ -12,7 +12,7 @@ use crate::type_words::with_article;
 use crate::value::{Term, Value};
 
 /// What may be in `[ ]` besides a number.
-pub trait Indices {
+pub(crate) trait Indices {
     /// A whole number of `VAR CONSTANT`.
     fn whole_number(&self, name: &str) -> Option<i32>;
 
@@ -22,7 +22,7 @@ pub trait Indices {
 
 /// Reads `.name` and `[i]` as far as they go, from `ty` at `base`. Indices that are known at run time only go to
 /// `terms`. `None` when a step leads nowhere (reported).
-pub fn follow<'t>(
+pub(crate) fn follow<'t>(
     indices: &dyn Indices,
     reader: &mut Reader<'_, '_>,
     fields: &FieldIndex,
@@ -136,7 +136,7 @@ pub fn slice(bits: u32, name: &str) -> Option<(&'static DataType, BitAddr)> {
 }
 
 /// A slice of an address or tag of its own: `"Tag".%X3`. The operand as it is where none follows.
-pub fn sliced(reader: &mut Reader<'_, '_>, operand: Operand) -> (Operand, Option<&'static DataType>) {
+pub(crate) fn sliced(reader: &mut Reader<'_, '_>, operand: Operand) -> (Operand, Option<&'static DataType>) {
     let bits = u32::from(operand.width.bits());
     let name = reader.peek_second().filter(|t| reader.peek_kind() == Some(Kind::Dot) && t.kind == Kind::Word);
     let Some((ty, at)) = name.and_then(|t| slice(bits, reader.text(t))) else { return (operand, None) };

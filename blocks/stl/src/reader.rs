@@ -48,7 +48,7 @@ impl<'r, 's> Reader<'r, 's> {
         if self.at + 1 < self.end { self.file.tokens.get(self.at + 1).copied() } else { None }
     }
 
-    pub fn next(&mut self) -> Option<Token> {
+    pub(crate) fn next(&mut self) -> Option<Token> {
         let token = self.peek()?;
         self.at += 1;
         self.sink.steps += 1;

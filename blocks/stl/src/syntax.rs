@@ -137,7 +137,7 @@ pub struct Assignment {
 pub struct Statement {
     pub label: Option<usize>,
     /// `None` where the mnemonic is not known (reported), or where only a label stands.
-    pub row: Option<&'static Row>,
+    pub(crate) row: Option<&'static Row>,
     /// The mnemonic, or the label if it is alone.
     pub span: Span,
     pub operand: Tokens,

@@ -3,7 +3,7 @@
 use ob1_model::calendar::{self, DAYS_TO_1990};
 
 /// `1D_2H_3M_4S_5MS`, each unit at most once and in this order, in milliseconds.
-pub fn duration(text: &str) -> Option<u64> {
+pub(crate) fn duration(text: &str) -> Option<u64> {
     const UNITS: [(&str, u64); 5] = [("D", 86_400_000), ("H", 3_600_000), ("M", 60_000), ("S", 1_000), ("MS", 1)];
     let mut rest = text;
     let mut units = &UNITS[..];
@@ -49,7 +49,7 @@ pub(crate) fn written_duration(ms: i64) -> String {
 }
 
 /// A TIME, perhaps negative.
-pub fn signed_duration(text: &str) -> Option<i32> {
+pub(crate) fn signed_duration(text: &str) -> Option<i32> {
     let (negative, text) = match text.strip_prefix('-') {
         Some(rest) => (true, rest),
         None => (false, text.strip_prefix('+').unwrap_or(text)),
@@ -74,13 +74,13 @@ fn numbers<const N: usize>(text: &str, separator: char) -> Option<[u32; N]> {
 }
 
 /// `1994-3-15`: days since 1990-01-01.
-pub fn date(text: &str) -> Option<u16> {
+pub(crate) fn date(text: &str) -> Option<u16> {
     let [year, month, day] = numbers(text, '-')?;
     days(year, month, day)
 }
 
 /// `12:30:10.500`: milliseconds since midnight.
-pub fn time_of_day(text: &str) -> Option<u32> {
+pub(crate) fn time_of_day(text: &str) -> Option<u32> {
     let (clock, fraction) = text.split_once('.').unwrap_or((text, ""));
     let [hours, minutes, seconds] = numbers(clock, ':')?;
     if hours > 23 || minutes > 59 || seconds > 59 || fraction.len() > 3 || !fraction.bytes().all(|b| b.is_ascii_digit())
@@ -92,7 +92,7 @@ pub fn time_of_day(text: &str) -> Option<u32> {
 }
 
 /// `1994-3-15-12:30:10.5`: year, month, day, weekday (1 = Sunday), hour, minute, second, nanoseconds.
-pub fn dtl(text: &str) -> Option<[u8; 12]> {
+pub(crate) fn dtl(text: &str) -> Option<[u8; 12]> {
     let (day_part, clock) = text.rsplit_once('-')?;
     let [year, month, day]: [u32; 3] = numbers(day_part, '-')?;
     let (clock, fraction) = clock.split_once('.').unwrap_or((clock, ""));
@@ -113,7 +113,7 @@ pub fn dtl(text: &str) -> Option<[u8; 12]> {
 }
 
 /// `94-3-15-12:30:10.500` or with a year of four digits (1990 to 2089): the eight BCD bytes, weekday 1 = Sunday.
-pub fn date_and_time(text: &str) -> Option<[u8; 8]> {
+pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
     let (day_part, clock) = text.rsplit_once('-')?;
     let [year, month, day] = numbers(day_part, '-')?;
     let year = match year {
@@ -128,19 +128,19 @@ pub fn date_and_time(text: &str) -> Option<[u8; 8]> {
 }
 
 /// A date as [`date`] reads it: `1994-3-15`.
-pub fn written_date(days: u16) -> Option<String> {
+pub(crate) fn written_date(days: u16) -> Option<String> {
     let (year, month, day) = calendar::date_of(u32::from(days) + DAYS_TO_1990);
     (year <= 2168).then(|| format!("{year}-{month}-{day}"))
 }
 
 /// A time of day as [`time_of_day`] reads it: `12:30:10.500`.
-pub fn written_time_of_day(ms: u32) -> Option<String> {
+pub(crate) fn written_time_of_day(ms: u32) -> Option<String> {
     let (hours, minutes, seconds) = (ms / 3_600_000, ms / 60_000 % 60, ms / 1_000 % 60);
     (hours < 24).then(|| format!("{hours}:{minutes}:{seconds}.{:03}", ms % 1_000))
 }
 
 /// A date and time as [`date_and_time`] reads it. The caller sees whether it means the very same bytes.
-pub fn written_date_and_time(bytes: &[u8]) -> Option<String> {
+pub(crate) fn written_date_and_time(bytes: &[u8]) -> Option<String> {
     let [year, month, day, hour, minute, second, hundredths, last] = *<&[u8; 8]>::try_from(bytes).ok()?;
     let digits = |byte: u8| u32::from(byte >> 4) * 10 + u32::from(byte & 15);
     let year = digits(year) + if digits(year) >= 90 { 1900 } else { 2000 };

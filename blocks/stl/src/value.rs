@@ -9,7 +9,7 @@ use crate::type_words::with_article;
 
 /// An operand.
 #[derive(Clone, Debug)]
-pub enum Value<'w> {
+pub(crate) enum Value<'w> {
     /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of
     /// a byte.
     Memory {
@@ -49,7 +49,7 @@ pub enum Value<'w> {
 
 impl Value<'_> {
     /// What it is, for messages.
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match self {
             Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } | Value::Indexed { ty, .. } => {
                 with_article(ty.name())
@@ -75,10 +75,10 @@ impl Value<'_> {
 
 /// An index that is known at run time only: `(index - low) * stride` bits are added to the address.
 #[derive(Clone, Copy, Debug)]
-pub struct Term {
-    pub index: Operand,
+pub(crate) struct Term {
+    pub(crate) index: Operand,
     /// It is a signed integer of 16 bits.
-    pub int: bool,
-    pub low: i32,
-    pub stride: u32,
+    pub(crate) int: bool,
+    pub(crate) low: i32,
+    pub(crate) stride: u32,
 }

@@ -91,12 +91,12 @@ impl Words {
     }
 
     /// The mnemonic written `word`, whatever its case.
-    pub fn mnemonic(&self, word: &str) -> Option<&'static Row> {
+    pub(crate) fn mnemonic(&self, word: &str) -> Option<&'static Row> {
         self.mnemonics.get(Packed::new(word)?)
     }
 
     /// The mnemonic that two parts make together.
-    pub fn mnemonic_of(&self, first: &str, second: &str) -> Option<&'static Row> {
+    pub(crate) fn mnemonic_of(&self, first: &str, second: &str) -> Option<&'static Row> {
         self.mnemonics.get(Packed::joined(first, second)?)
     }
 

@@ -1,0 +1,223 @@
+//! What statements of SCL mean: each row is run on the reference engine.
+
+use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, OperatingState, Width, engine, standard_block, system_blocks};
+use ob1_model::Area;
+use ob1_stl::{Library, Options, Source};
+use ob1_time::Instant;
+
+struct Still;
+
+impl Clock for Still {
+    fn now(&mut self) -> Instant {
+        Instant::START
+    }
+    fn executed(&mut self, _statements: u64) {}
+    fn wait(&mut self, _deadline: Instant) {}
+}
+
+/// Runs OB 1 with these declarations and statements once; gives the CPU.
+fn run(before: &str, declared: &str, statements: &str) -> Cpu {
+    let text = format!(
+        "{before}\nORGANIZATION_BLOCK OB1\nVAR_TEMP info : ARRAY[0..19] OF BYTE; {declared} END_VAR\nBEGIN\n{statements}\n\
+         END_ORGANIZATION_BLOCK\n"
+    );
+    let mut library = Library::new();
+    let mut natives = system_blocks();
+    for block in ob1_std::system_functions() {
+        library.insert(block.id, block.name, block.interface);
+    }
+    for block in ob1_std::standard_blocks().into_iter().filter(|b| b.origin == ob1_std::Origin::Iec) {
+        library.insert(block.id, block.name, block.interface.clone());
+        natives.push(standard_block(block.id, block));
+    }
+    let source = Source::new("p.scl", text.into_bytes());
+    let output = ob1_scl::compile(&[source.clone()], &library, &Options::default());
+    assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &[source]));
+    let cpu = Cpu::new(CpuConfig::default(), &output.program, natives, Vec::new(), engine::REFERENCE);
+    let mut cpu = cpu.expect("it loads");
+    cpu.request(Command::Run);
+    let end = cpu.cycle(&mut Still);
+    let why: Vec<_> = cpu.diagnostics().map(ToString::to_string).collect();
+    assert_eq!(end.state, OperatingState::Run, "{statements}: {why:?}");
+    cpu
+}
+
+/// The double word MD 100.
+fn result(cpu: &mut Cpu) -> u32 {
+    cpu.read(Cell::Area(Area::Memory, 800), Width::DWord).expect("it is there")
+}
+
+/// Declarations, statements, and what they leave in MD 100.
+fn table(rows: &[(&str, &str, u32)]) {
+    for (declared, statements, expected) in rows {
+        let mut cpu = run("", declared, statements);
+        assert_eq!(result(&mut cpu), *expected, "{declared} {statements}");
+    }
+}
+
+const INTS: &str = "a, b, c : INT; d : DINT;";
+const fn real(value: f32) -> u32 {
+    value.to_bits()
+}
+
+#[test]
+fn precedence() {
+    table(&[
+        (INTS, "a := 2; MD100 := DINT_TO_DWORD(a + 3 * 4);", 14),
+        ("r : REAL;", "r := -2 ** 2; MD100 := REAL_TO_DWORD(r);", real(-4.0)),
+        ("x, y : BOOL;", "x := FALSE; y := TRUE; M103.0 := NOT x = y;", 1),
+        ("x, y, z : BOOL;", "x := TRUE; y := TRUE; z := FALSE; M103.0 := x OR y AND z;", 1),
+        ("x, y, z : BOOL;", "x := TRUE; y := TRUE; M103.0 := x XOR y OR x;", 1),
+        (INTS, "b := 1; c := 2; M103.0 := TRUE = b < c;", 1),
+        (INTS, "a := 20; MD100 := DINT_TO_DWORD(a - 5 - 3);", 12),
+        (INTS, "a := 20; MD100 := DINT_TO_DWORD(a / 3 MOD 4);", 2),
+    ]);
+}
+
+#[test]
+fn constants_take_the_type_of_their_place() {
+    table(&[
+        ("x : DWORD;", "x := 16#FFFF0000; M103.0 := x <> 0;", 1),
+        ("r : REAL;", "r := 10; MD100 := REAL_TO_DWORD(r);", real(10.0)),
+        ("b : BOOL;", "b := 1; M103.0 := b;", 1),
+        ("x : BYTE;", "x := 16#F3; MB103 := x AND 2#1111;", 3),
+        ("t : TIME;", "t := T#1s500ms; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 1500),
+        (INTS, "d := 100000; MD100 := DINT_TO_DWORD(d);", 100_000),
+    ]);
+}
+
+#[test]
+fn conversions() {
+    table(&[
+        (INTS, "a := -1; MD100 := INT_TO_DWORD(a);", 0xFFFF),
+        (INTS, "a := -1; MD100 := DINT_TO_DWORD(INT_TO_DINT(a));", u32::MAX),
+        ("x : WORD;", "x := 16#FFFF; MD100 := DINT_TO_DWORD(WORD_TO_DINT(x));", 0xFFFF),
+        ("x : DWORD;", "x := 16#12345678; MB103 := DWORD_TO_BYTE(x);", 0x78),
+        ("r : REAL;", "r := 2.5; MD100 := DINT_TO_DWORD(REAL_TO_DINT(r));", 2),
+        ("r : REAL;", "r := 3.5; MD100 := DINT_TO_DWORD(ROUND(r));", 4),
+        ("r : REAL;", "r := -3.7; MD100 := DINT_TO_DWORD(TRUNC(r));", 0xFFFF_FFFD),
+        ("x : DWORD; r : REAL;", "x := 16#3F800000; r := DWORD_TO_REAL(x); MD100 := REAL_TO_DWORD(r + 1.0);", real(2.0)),
+        ("x : BOOL;", "x := TRUE; MD100 := x;", 1),
+        ("r : REAL; a : INT;", "a := 7; r := a; MD100 := REAL_TO_DWORD(r);", real(7.0)),
+        ("x : BYTE;", "x := 16#F0; MD100 := DINT_TO_DWORD(BYTE_TO_INT(x) + 1);", 0xF1),
+        ("d : DATE;", "d := D#1990-1-11; MD100 := DINT_TO_DWORD(DATE_TO_DINT(d));", 10),
+    ]);
+}
+
+#[test]
+fn whole_numbers_wrap_and_divide_toward_zero() {
+    table(&[
+        (INTS, "a := 32767; a := a + 1; MW102 := INT_TO_WORD(a);", 0x8000),
+        (INTS, "a := -7; b := a / 2; MW102 := INT_TO_WORD(b);", 0xFFFD),
+        (INTS, "a := -7; b := a MOD 3; MW102 := INT_TO_WORD(b);", 0xFFFF),
+        (INTS, "a := -32768; b := ABS(a); MW102 := INT_TO_WORD(b);", 0x8000),
+        (INTS, "a := 300; b := 300; d := a * b; MD100 := DINT_TO_DWORD(d);", 24_464),
+    ]);
+}
+
+#[test]
+fn loops_and_choices() {
+    table(&[
+        (INTS, "d := 0; FOR a := 1 TO 10 DO d := d + a; END_FOR; MD100 := DINT_TO_DWORD(d + a * 1000);", 11_055),
+        (INTS, "b := 3; d := 0; FOR a := 1 TO b DO b := 9; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d);", 3),
+        (INTS, "d := 0; FOR a := 5 TO 1 BY -2 DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 531),
+        (INTS, "c := -1; d := 0; FOR a := 3 TO 1 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 321),
+        (INTS, "d := 0; FOR a := 1 TO 9 DO IF a = 3 THEN CONTINUE; END_IF; IF a = 5 THEN EXIT; END_IF; d := d + a;
+                END_FOR; MD100 := DINT_TO_DWORD(d);", 7),
+        (INTS, "a := 5; WHILE a > 2 DO a := a - 1; END_WHILE; MD100 := DINT_TO_DWORD(a);", 2),
+        (INTS, "a := 0; REPEAT a := a + 1; UNTIL a >= 4 END_REPEAT; MD100 := DINT_TO_DWORD(a);", 4),
+        (INTS, "a := 7; CASE a OF 1, 2: d := 1; 5..9: d := 2; 7: d := 3; ELSE d := 4; END_CASE;
+                MD100 := DINT_TO_DWORD(d);", 2),
+        (INTS, "a := -3; CASE a OF -5..-1: d := 1; ELSE: d := 4; END_CASE; MD100 := DINT_TO_DWORD(d);", 1),
+        (INTS, "a := 1; GOTO out; a := 2; out: MD100 := DINT_TO_DWORD(a);", 1),
+        (INTS, "MD100 := 5; RETURN; MD100 := 6;", 5),
+    ]);
+}
+
+#[test]
+fn functions() {
+    table(&[
+        (INTS, "MD100 := DINT_TO_DWORD(SEL(G := FALSE, IN0 := 3, IN1 := 4));", 3),
+        (INTS, "a := 5; MD100 := DINT_TO_DWORD(LIMIT(MN := 1, IN := a, MX := 3));", 3),
+        (INTS, "a := 5; MD100 := DINT_TO_DWORD(LIMIT(MN := 9, IN := a, MX := 3));", 9),
+        (INTS, "a := 5; MD100 := DINT_TO_DWORD(MAX(IN1 := a, IN2 := 8) - MIN(IN1 := a, IN2 := 8));", 3),
+        (INTS, "a := 2; MD100 := DINT_TO_DWORD(MUX(K := a, IN0 := 10, IN1 := 11, IN2 := 12));", 12),
+        (INTS, "a := 7; MD100 := DINT_TO_DWORD(MUX(K := a, IN0 := 10, IN1 := 11));", 11),
+        ("x : WORD; n : INT;", "x := 16#8001; n := 1; MW102 := SHL(IN := x, N := n);", 2),
+        ("x : WORD; n : INT;", "x := 16#8001; n := 16; MW102 := SHR(IN := x, N := n);", 0),
+        ("x : WORD; n : INT;", "x := 16#8001; n := 17; MW102 := ROL(IN := x, N := n);", 3),
+        ("x : BYTE; n : INT;", "x := 16#81; n := 1; MB103 := ROR(IN := x, N := n);", 0xC0),
+        ("x : BYTE;", "x := 16#81; MB103 := SHL(IN := x, N := 1);", 2),
+        ("x : BYTE;", "x := 16#0F; MB103 := NOT x;", 0xF0),
+        ("r : REAL;", "r := 2.0; MD100 := REAL_TO_DWORD(SQRT(r + 7.0));", real(3.0)),
+        ("t : TOD;", "t := TOD#23:59:59; t := t + T#2s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));", 1000),
+        ("t : TIME;", "t := T#10s * 3 - T#1s; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 29_000),
+        (INTS, "MD100 := DINT_TO_DWORD(BCD_TO_INT(16#123));", 123),
+    ]);
+}
+
+#[test]
+fn addresses_arrays_and_views() {
+    table(&[
+        (INTS, "a := 102; MW[a] := 16#1234;", 0x1234),
+        (INTS, "a := 103; b := 2; MX[a, b] := TRUE;", 4),
+        ("x : ARRAY[1..4] OF INT; i : INT;", "FOR i := 1 TO 4 DO x[i] := i * i; END_FOR; MW102 := INT_TO_WORD(x[3]);", 9),
+        ("x : ARRAY[0..2, 1..2] OF INT; i, k : INT;",
+         "FOR i := 0 TO 2 DO FOR k := 1 TO 2 DO x[i, k] := i * 10 + k; END_FOR; END_FOR; MW102 := INT_TO_WORD(x[2, 1]);", 21),
+        ("x : DWORD; y AT x : ARRAY[0..31] OF BOOL;", "x := 0; y[24] := TRUE; MD100 := x;", 1),
+        ("x : DWORD; y AT x : STRUCT a, b, c, d : BYTE; END_STRUCT;", "x := 16#01020304; MB103 := y.b;", 2),
+        ("x : WORD;", "x := 16#1234; MB103 := x.%B0;", 0x34),
+        ("x : STRUCT a : INT; b : ARRAY[0..1] OF BOOL; END_STRUCT; i : INT;",
+         "i := 1; x.b[i] := TRUE; M103.1 := x.b[1];", 2),
+    ]);
+}
+
+#[test]
+fn texts() {
+    table(&[
+        ("s : STRING[10];", "s := 'abc'; MD100 := DINT_TO_DWORD(LEN(s));", 3),
+        ("s, t : STRING[4];", "s := 'abc'; t := CONCAT(IN1 := s, IN2 := 'def'); M103.0 := t = 'abcd';", 1),
+        ("s : STRING[4]; t : STRING[20];", "t := 'abcdefgh'; s := t; MD100 := DINT_TO_DWORD(LEN(s));", 4),
+        ("s : STRING[8];", "s := 'b'; M103.0 := s > 'a'; M103.1 := s <> 'b';", 1),
+        ("s : STRING[8]; i : INT;", "s := 'xyz'; i := 2; MB103 := CHAR_TO_BYTE(s[i]);", 0x79),
+    ]);
+}
+
+#[test]
+fn both_sides_of_and_are_evaluated() {
+    let count = "FUNCTION FC1 : BOOL VAR_INPUT x : BOOL; END_VAR BEGIN MW102 := INT_TO_WORD(WORD_TO_INT(MW102) + 1);
+        FC1 := x; END_FUNCTION";
+    let mut cpu = run(count, "a : BOOL;", "a := FC1(FALSE) AND FC1(x := TRUE);");
+    assert_eq!(result(&mut cpu), 2);
+}
+
+#[test]
+fn calls() {
+    let blocks = "FUNCTION FC1 : INT VAR_INPUT a : INT; END_VAR VAR_IN_OUT s : INT; END_VAR VAR_OUTPUT o : INT; END_VAR
+        BEGIN a := a + 1; s := s + a; o := a * 2; FC1 := a; END_FUNCTION
+        FUNCTION_BLOCK FB1 VAR_INPUT a : INT := 5; END_VAR VAR_OUTPUT q : INT; END_VAR VAR n : INT; END_VAR
+        BEGIN n := n + a; q := n; END_FUNCTION_BLOCK
+        FUNCTION_BLOCK FB2 VAR one : FB1; END_VAR VAR_OUTPUT q : INT; END_VAR
+        BEGIN one(a := 3); one(); q := one.q; END_FUNCTION_BLOCK";
+    for (statements, expected) in [
+        ("x := 1; y := 10; r := FC1(a := x, s := y, o := z); MD100 := DINT_TO_DWORD(r + y * 10 + z * 1000 + x * 10000);", 14_122),
+        ("FB1.DB5(a := 2); FB1.DB5(); MD100 := DINT_TO_DWORD(DB5.q);", 4),
+        ("FB2.DB6(); MD100 := DINT_TO_DWORD(DB6.q);", 6),
+        ("r := 1; FB1.DB5(a := 2, q => r); MD100 := DINT_TO_DWORD(r);", 2),
+        ("y := 0; x := 0; r := FC1(EN := FALSE, a := x, s := y, o := z); M103.0 := ENO;", 0),
+    ] {
+        let mut cpu = run(blocks, "x, y, z, r : INT;", statements);
+        assert_eq!(result(&mut cpu), expected, "{statements}");
+    }
+}
+
+#[test]
+fn ok_follows_calculations_with_the_option() {
+    for (option, expected) in [("'y'", 0), ("'n'", 1)] {
+        let block = format!(
+            "{{SCL_SetOKFlag := {option}}} FUNCTION FC1 : INT VAR_INPUT a : INT; END_VAR BEGIN FC1 := a + 1; END_FUNCTION"
+        );
+        let mut cpu = run(&block, "r : INT;", "r := FC1(a := 32767); M103.0 := ENO;");
+        assert_eq!(result(&mut cpu), expected, "{option}");
+    }
+}
