@@ -25,6 +25,12 @@ pub(crate) fn programs(args: &[String]) -> Outcome {
     simulation("programs", &["ob1-cp040", "ob1-cp240", "ob1-cp340", "ob1-cp341", "ob1-tests"], args)
 }
 
+/// The SCL compiler against Siemens' own.
+pub(crate) fn oscat(args: &[String]) -> Outcome {
+    let mut command = cargo(&["run", "--release", "-p", "ob1-oscat", "--"]);
+    shell::run(command.args(args))
+}
+
 /// Runs a program that needs only the plugins of `packages`: their release build, or that of the tests.
 fn simulation(name: &str, packages: &[&str], args: &[String]) -> Outcome {
     if !args.iter().any(|arg| arg == "--debug") {

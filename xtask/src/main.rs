@@ -44,6 +44,7 @@ usage: cargo xtask VERB [...]
                                   bench io: remote I/O over Modbus TCP beside libmodbus;
                                   bench causes: late scans by cause on a machine that is too busy;
                                   bench gate [items browsers paint] [--minutes M]: OPC UA, pages and the first paint under load
+  oscat [RELEASE] [CALLS] [BLOCK]  the SCL compiler against Siemens' own, over sample releases in OB1_STEP7_PROJECTS (docs/scl.md)
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]
@@ -71,6 +72,7 @@ fn main() -> ExitCode {
         "test" => test::run(&rest),
         "sim" => figures::sim(&rest),
         "programs" => figures::programs(&rest),
+        "oscat" => figures::oscat(&rest),
         "bench" => figures::bench(&rest),
         "compare" => figures::compare(&rest),
         "fuzz" => fuzz::run(&rest),

@@ -103,7 +103,8 @@ impl<'c> Checker<'c> {
             self.report(span, &codes::NO_INSTANCE, message);
             return None;
         };
-        let place = Var { base: Base::Db(db), at: ob1_model::BitAddr(0), terms: Vec::new(), declared: None, side: Side::Both };
+        let place =
+            Var { base: Base::Db(db), at: ob1_model::BitAddr(0), terms: Vec::new(), declared: None, side: Side::Both };
         let value = self.call_instance(id, Target::Block(id), Some(Number::Fixed(db)), place, args, span)?;
         Some((value, 1))
     }
@@ -127,7 +128,8 @@ impl<'c> Checker<'c> {
                 self.call_instance(id, Target::Local(id, var.at), None, var, args, span)
             }
             _ => {
-                let message = "an instance is called where its address is known: in VAR or a data block, with a fixed index";
+                let message =
+                    "an instance is called where its address is known: in VAR or a data block, with a fixed index";
                 self.report(span, &codes::NOT_SUPPORTED, message);
                 None
             }
@@ -305,8 +307,12 @@ impl<'c> Checker<'c> {
             return self.coerced(value, to);
         }
         if !fits {
-            let message =
-                format!("{} of {id} is {}, this is {}", formal.name, with_article(short(to)), with_article(short(value.ty)));
+            let message = format!(
+                "{} of {id} is {}, this is {}",
+                formal.name,
+                with_article(short(to)),
+                with_article(short(value.ty))
+            );
             self.report(value.span, &codes::ACTUAL, message);
             return None;
         }

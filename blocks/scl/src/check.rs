@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use ob1_model::{BlockId, DataType, Param, Section};
-use ob1_stl::front::{Block, Code, Constant, File, Info, NameRef, Reader, Resolver, Sink, Span, Token, Words, World, unquote};
+use ob1_stl::front::{
+    Block, Code, Constant, File, Info, NameRef, Reader, Resolver, Sink, Span, Token, Words, World, unquote,
+};
 
 use crate::codes;
 use crate::options::Options;
@@ -63,7 +65,9 @@ impl<'c> Checker<'c> {
             NameRef::Symbol(own) | NameRef::Bare(own) if own.eq_ignore_ascii_case(name) => true,
             _ => {
                 let symbol = match self.world.symbol(name) {
-                    Some(ob1_stl::front::Symbolic::Block(word, number)) => word.kind().map(|k| BlockId::new(k, *number)),
+                    Some(ob1_stl::front::Symbolic::Block(word, number)) => {
+                        word.kind().map(|k| BlockId::new(k, *number))
+                    }
                     _ => None,
                 };
                 let (letters, digits) = ob1_stl::front::split_digits(name);

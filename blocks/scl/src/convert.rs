@@ -14,7 +14,8 @@ fn converted<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, ty: &'w DataType)
     let span = value.span;
     // The width of an access is that of the variable, and an operation is that of its own type.
     let bits = value.ty.elementary_bits();
-    let same = matches!(value.kind, Kind::Constant(_)) || matches!(value.kind, Kind::Var(_)) && bits == ty.elementary_bits();
+    let same =
+        matches!(value.kind, Kind::Constant(_)) || matches!(value.kind, Kind::Var(_)) && bits == ty.elementary_bits();
     let kind = match (ops.is_empty() && check == Check::Never && same, value) {
         (true, Typed { kind, .. }) => kind,
         (false, value) => Kind::Convert(ops, check, Box::new(value)),
@@ -56,7 +57,8 @@ fn widened<'w>(value: Typed<'w>, to: &'w DataType) -> Typed<'w> {
 /// The name of the function that converts, for a remedy.
 pub(crate) fn function(from: &DataType, to: &DataType) -> Option<String> {
     let elementary = |ty: &DataType| ty.elementary_bits().is_some();
-    (elementary(from) && elementary(to) && path(from, to).is_some()).then(|| format!("{}_TO_{}", short(from), short(to)))
+    (elementary(from) && elementary(to) && path(from, to).is_some())
+        .then(|| format!("{}_TO_{}", short(from), short(to)))
 }
 
 /// What a conversion is made of: operations on ACCU1, and when OK is cleared. `None`: there is none of this name, or it
@@ -74,7 +76,9 @@ fn path(from: &DataType, to: &DataType) -> Option<(Vec<Op>, Check)> {
         (Word | S5Time, Int | Date | S5Time | Word) | (Int, Word | Date | S5Time) | (Date, Int | Word) => {
             (Vec::new(), Check::Never)
         }
-        (DWord | DInt, Time | TimeOfDay | DInt | DWord) | (Time | TimeOfDay, DInt | DWord) => (Vec::new(), Check::Never),
+        (DWord | DInt, Time | TimeOfDay | DInt | DWord) | (Time | TimeOfDay, DInt | DWord) => {
+            (Vec::new(), Check::Never)
+        }
         (Time, TimeOfDay) | (TimeOfDay, Time) | (DWord, Real) | (Real, DWord) => (Vec::new(), Check::Never),
         (Int, DInt | Time) => (vec![Op::Convert(Convert::Itd)], Check::Never),
         (Int, Real) => (vec![Op::Convert(Convert::Itd), Op::Convert(Convert::Dtr)], Check::Never),

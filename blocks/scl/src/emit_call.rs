@@ -2,8 +2,8 @@
 
 use ob1_ir::compose;
 use ob1_ir::{
-    AddressRegister, Arg, BitTest, Call as IrCall, CallMode, DbRegister, Jump, Logic, Number, NumberFormat, Op, Operand,
-    Place, StatusBit, Width, WordLogic,
+    AddressRegister, Arg, BitTest, Call as IrCall, CallMode, DbRegister, Jump, Logic, Number, NumberFormat, Op,
+    Operand, Place, StatusBit, Width, WordLogic,
 };
 use ob1_model::{Area, BitAddr, DataType, Layout, Param, Section};
 

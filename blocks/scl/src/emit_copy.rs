@@ -85,12 +85,16 @@ impl Code {
     pub(crate) fn copy(&mut self, target: &Var<'_>, source: &Var<'_>, ty: &DataType) {
         let bytes = Layout::bits(ty).div_ceil(8);
         let fixed = |var: &Var<'_>| var.is_direct() && !matches!(var.base, Base::Param(_));
-        if bytes > SHORT && fixed(target) && fixed(source)
+        if bytes > SHORT
+            && fixed(target)
+            && fixed(source)
             && let Some(id) = self.move_block
         {
             return self.move_block(id, target, source, bytes);
         }
-        if target.is_direct() || source.is_direct() && matches!(source.base, Base::Fixed(_) | Base::Instance | Base::Param(_)) {
+        if target.is_direct()
+            || source.is_direct() && matches!(source.base, Base::Fixed(_) | Base::Instance | Base::Param(_))
+        {
             // Only one of them needs AR1 or the DB register.
             let db = matches!(target.base, Base::Db(_)) && !source.is_direct();
             if !db {

@@ -1,6 +1,8 @@
 //! Places: what must be loaded and opened before a variable can be accessed.
 
-use ob1_ir::{AccuOp, AddressRegister, DbRegister, Number, NumberFormat, Op, Operand, Place, Pointer, Shift, Width, WordLogic};
+use ob1_ir::{
+    AccuOp, AddressRegister, DbRegister, Number, NumberFormat, Op, Operand, Place, Pointer, Shift, Width, WordLogic,
+};
 use ob1_model::{Area, BitAddr, DataType};
 
 use crate::code::{Code, local};
@@ -25,7 +27,10 @@ impl Code {
                 }
                 Base::Through(pointer) => {
                     self.open_pointer(Place::Instance(*pointer));
-                    self.op(Op::LoadArFrom(AR1, Operand { width: Width::DWord, place: Place::Instance(BitAddr(pointer.0 + 16)) }));
+                    self.op(Op::LoadArFrom(
+                        AR1,
+                        Operand { width: Width::DWord, place: Place::Instance(BitAddr(pointer.0 + 16)) },
+                    ));
                     Place::Register(None, AR1, at)
                 }
             };

@@ -1,8 +1,8 @@
 //! Values into ACCU1.
 
 use ob1_ir::{
-    AccuOp, BitTest, Compare, Convert, DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Shift,
-    StatusBit, Width, WordLogic,
+    AccuOp, BitTest, Compare, Convert, DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place,
+    Shift, StatusBit, Width, WordLogic,
 };
 use ob1_model::DataType;
 

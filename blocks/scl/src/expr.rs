@@ -169,7 +169,9 @@ impl<'c> Checker<'c> {
         let message = format!("{} does not take {a} and {b}", operator.text());
         let remedy = function(right.ty, left.ty).or_else(|| function(left.ty, right.ty));
         match remedy.filter(|_| left.ty != right.ty) {
-            Some(name) => self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...).")),
+            Some(name) => {
+                self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...)."))
+            }
             None => self.report(span, &codes::OPERANDS, message),
         }
         None
@@ -300,13 +302,7 @@ impl<'c> Checker<'c> {
         Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
     }
 
-    fn arithmetic(
-        &mut self,
-        operator: Operator,
-        left: Typed<'c>,
-        right: Typed<'c>,
-        span: Span,
-    ) -> Option<Typed<'c>> {
+    fn arithmetic(&mut self, operator: Operator, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         if let (Kind::Flexible(a), Kind::Flexible(b)) = (&left.kind, &right.kind)
             && let Some(constant) = ob1_stl::fold_constants(operator.text(), a, b)
         {

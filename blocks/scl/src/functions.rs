@@ -149,9 +149,8 @@ impl<'c> Checker<'c> {
             "DINT_TO_BCD" | "DINT_TO_BCD_DWORD" => self.bcd(Convert::Dtb, args, &DINT, &DWORD, span),
             "WORD_TO_BLOCK_DB" => {
                 let [value] = self.values(plain, ["IN"], args, span)?;
-                self.coerced(value, &WORD).map(|value| {
-                    Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &BLOCK_DB, span)
-                })
+                self.coerced(value, &WORD)
+                    .map(|value| Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &BLOCK_DB, span))
             }
             "BLOCK_DB_TO_WORD" => {
                 let [value] = self.values(plain, ["IN"], args, span)?;
@@ -222,7 +221,8 @@ impl<'c> Checker<'c> {
             }
         }
         if !good {
-            let message = format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
+            let message =
+                format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
             self.report(span, &codes::FUNCTION_ARGUMENTS, message);
         }
         // The mistake of a bad value was reported; the function stays known.
@@ -391,7 +391,13 @@ impl<'c> Checker<'c> {
             (Some(ty), _) => self.coerced(value, ty)?,
             (None, Kind::Flexible(constant)) => {
                 let own = Self::own_type(constant);
-                let ty = if is_bits(own) { own } else if *own == DataType::Int { &WORD } else { &DWORD };
+                let ty = if is_bits(own) {
+                    own
+                } else if *own == DataType::Int {
+                    &WORD
+                } else {
+                    &DWORD
+                };
                 // Its place may want another type.
                 if matches!(constant, Constant::Radix(_) | Constant::Integer(_)) {
                     Typed { ty, ..value }
@@ -441,6 +447,27 @@ impl<'c> Checker<'c> {
 
 /// Functions besides those of [`MATH`] and the conversions.
 const NAMES: [&str; 23] = [
-    "LOG", "EXPD", "ABS", "ROUND", "TRUNC", "CEIL", "FLOOR", "FRAC", "NORM_X", "SCALE_X", "SEL", "MUX", "MIN", "MAX",
-    "LIMIT", "SHL", "SHR", "ROL", "ROR", "SWAP", "MAX_LEN", "BCD_TO_INT", "INT_TO_BCD",
+    "LOG",
+    "EXPD",
+    "ABS",
+    "ROUND",
+    "TRUNC",
+    "CEIL",
+    "FLOOR",
+    "FRAC",
+    "NORM_X",
+    "SCALE_X",
+    "SEL",
+    "MUX",
+    "MIN",
+    "MAX",
+    "LIMIT",
+    "SHL",
+    "SHR",
+    "ROL",
+    "ROR",
+    "SWAP",
+    "MAX_LEN",
+    "BCD_TO_INT",
+    "INT_TO_BCD",
 ];

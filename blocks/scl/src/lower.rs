@@ -166,9 +166,7 @@ impl<'c> Lowerer<'c> {
         let named = self.check.named(reference)?;
         let (message, span) = match named {
             Named::Value(value) => match value.kind {
-                Kind::Var(Var { side: Side::Read, .. }) => {
-                    ("peripheral inputs are only read".to_owned(), value.span)
-                }
+                Kind::Var(Var { side: Side::Read, .. }) => ("peripheral inputs are only read".to_owned(), value.span),
                 Kind::Var(_) | Kind::Ok | Kind::Eno => {
                     self.check.mark_written(&value);
                     return Some(value);

@@ -31,9 +31,7 @@ impl<'c> Checker<'c> {
     pub(crate) fn reference(&mut self, reference: &Ref) -> Typed<'c> {
         match self.named(reference) {
             Some(Named::Value(value)) => value,
-            Some(Named::Db(number)) => {
-                Typed::new(Kind::Block(Number::Fixed(number)), &BLOCK_DB, reference.span)
-            }
+            Some(Named::Db(number)) => Typed::new(Kind::Block(Number::Fixed(number)), &BLOCK_DB, reference.span),
             Some(Named::Block(id)) => Typed::new(Kind::Block(Number::Fixed(id.number)), block_type(id), reference.span),
             Some(Named::Instance(_, var)) => {
                 let ty = self.instance_struct(&var);
@@ -96,7 +94,9 @@ impl<'c> Checker<'c> {
                 return Some((named, 0));
             }
         }
-        if token.kind == TokenKind::Symbol && self.is_own_name(name) && !called
+        if token.kind == TokenKind::Symbol
+            && self.is_own_name(name)
+            && !called
             && let Some(named) = self.own_result(token.span)
         {
             return Some((named, 0));
@@ -134,7 +134,8 @@ impl<'c> Checker<'c> {
         let symbols = self.world.symbols.keys().map(String::as_str);
         self.sink.missing(&key, self.block.file, token.span, &codes::UNKNOWN_NAME, |sink| {
             let near = sink.nearest(name, known.into_iter().chain(symbols));
-            let remedy = near.map_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+            let remedy =
+                near.map_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned(), |near| format!("Did you mean {near}?"));
             (format!("{shown} is not known here"), remedy)
         });
         None
@@ -150,7 +151,8 @@ impl<'c> Checker<'c> {
                 return Some(self.declaration(index, overlay.unwrap_or(&param.ty), span));
             }
         }
-        if self.is_own_name(name) && !called
+        if self.is_own_name(name)
+            && !called
             && let Some(named) = self.own_result(span)
         {
             return Some(named);
@@ -208,7 +210,8 @@ impl<'c> Checker<'c> {
             }
             Some(Symbolic::Memory(operand, ty)) => {
                 let ob1_ir::Place::Fixed(area, at) = operand.place else { return Some(None) };
-                let ty = ty.as_ref().filter(|ty| Width::of(ty) == Some(operand.width)).unwrap_or(of_width(operand.width));
+                let ty =
+                    ty.as_ref().filter(|ty| Width::of(ty) == Some(operand.width)).unwrap_or(of_width(operand.width));
                 let side = match world.peripheral.get(&name.to_uppercase()) {
                     Some(true) => Side::Write,
                     Some(false) => Side::Read,
@@ -236,13 +239,7 @@ impl<'c> Checker<'c> {
     }
 
     /// One step further. Gives how many of the steps behind it were used, too.
-    fn step(
-        &mut self,
-        named: Named<'c>,
-        step: &Step,
-        rest: &[Step],
-        reference: &Ref,
-    ) -> Option<(Named<'c>, usize)> {
+    fn step(&mut self, named: Named<'c>, step: &Step, rest: &[Step], reference: &Ref) -> Option<(Named<'c>, usize)> {
         let span = reference.span;
         match (named, step) {
             (Named::Db(number), Step::Dot(token)) => self.in_data(number, *token, rest, reference),
@@ -255,7 +252,9 @@ impl<'c> Checker<'c> {
                 let target = Target::Block(fb);
                 self.call_instance(fb, target, Some(Number::Fixed(number)), place, args, span).map(|v| (v, 0))
             }
-            (Named::Block(id), Step::Dot(token)) if id.kind.has_instance() => self.block_with_data(id, *token, rest, span),
+            (Named::Block(id), Step::Dot(token)) if id.kind.has_instance() => {
+                self.block_with_data(id, *token, rest, span)
+            }
             (Named::Block(id), Step::Call(args)) => self.call_block(id, args, span).map(|v| (v, 0)),
             (Named::Function, Step::Call(args)) => {
                 let value = self.function(reference.first, args, span);
@@ -283,13 +282,7 @@ impl<'c> Checker<'c> {
         }
     }
 
-    fn value_step(
-        &mut self,
-        value: Typed<'c>,
-        step: &Step,
-        rest: &[Step],
-        span: Span,
-    ) -> Option<(Named<'c>, usize)> {
+    fn value_step(&mut self, value: Typed<'c>, step: &Step, rest: &[Step], span: Span) -> Option<(Named<'c>, usize)> {
         match (value.kind, step) {
             (Kind::Bad, _) => None,
             (Kind::Var(var), Step::Dot(token)) => self.component(var, value.ty, *token, span).map(|v| (v, 0)),
@@ -305,16 +298,23 @@ impl<'c> Checker<'c> {
             }
             (Kind::Var(var), Step::Call(args)) => {
                 // An IEC timer or counter within other data.
-                let is_one = |id: &BlockId| self.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *value.ty);
+                let is_one =
+                    |id: &BlockId| self.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *value.ty);
                 let Some(fb) = data_types().find(is_one) else {
-                    self.report(span, &codes::NOT_CALLABLE, format!("{} cannot be called", with_article(value.ty.name())));
+                    self.report(
+                        span,
+                        &codes::NOT_CALLABLE,
+                        format!("{} cannot be called", with_article(value.ty.name())),
+                    );
                     return None;
                 };
                 self.call_place(fb, fb, var, args, span).map(|v| (v, 0))
             }
             (Kind::Block(number), Step::Dot(token)) if *value.ty == DataType::BlockDb => {
                 let number = match number {
-                    Number::Fixed(n) => return self.in_data(n, *token, rest, &Ref { first: *token, steps: Vec::new(), span }),
+                    Number::Fixed(n) => {
+                        return self.in_data(n, *token, rest, &Ref { first: *token, steps: Vec::new(), span });
+                    }
                     other => Typed::new(Kind::Block(other), value.ty, value.span),
                 };
                 self.db_element(Base::DbAt(Box::new(number)), *token, rest, span)
@@ -406,7 +406,9 @@ impl<'c> Checker<'c> {
         }
         let instance = var.declared.and_then(|d| self.info.instances.get(&d));
         Some(match instance {
-            Some(fb) if var.terms.is_empty() && !matches!(**inner, DataType::Array(..)) && self.is_instance(*fb, inner) => {
+            Some(fb)
+                if var.terms.is_empty() && !matches!(**inner, DataType::Array(..)) && self.is_instance(*fb, inner) =>
+            {
                 Named::Instance(*fb, var)
             }
             _ => Named::Value(Typed::new(Kind::Var(var), inner, span)),
@@ -431,13 +433,7 @@ impl<'c> Checker<'c> {
     }
 
     /// What follows the point behind a data block.
-    fn in_data(
-        &mut self,
-        number: u16,
-        token: Token,
-        rest: &[Step],
-        reference: &Ref,
-    ) -> Option<(Named<'c>, usize)> {
+    fn in_data(&mut self, number: u16, token: Token, rest: &[Step], reference: &Ref) -> Option<(Named<'c>, usize)> {
         let name = self.name(token);
         let world = self.world;
         let data: Option<&'c Data> = world.data.get(&number);
@@ -483,13 +479,7 @@ impl<'c> Checker<'c> {
     }
 
     /// `DW4`, `DX4.0`, `DW[i]`, `DBX4.0` of a data block.
-    fn db_element(
-        &mut self,
-        base: Base<'c>,
-        token: Token,
-        rest: &[Step],
-        span: Span,
-    ) -> Option<(Named<'c>, usize)> {
+    fn db_element(&mut self, base: Base<'c>, token: Token, rest: &[Step], span: Span) -> Option<(Named<'c>, usize)> {
         let Some((width, digits)) = db_address(self.name(token)) else {
             self.report(token.span, &codes::ADDRESS, "behind a data block stands DX, DB, DW or DD with its address");
             return None;
@@ -517,7 +507,8 @@ impl<'c> Checker<'c> {
             _ => (digits.parse().ok(), 0),
         };
         let span = reference.span;
-        let bits = letters.strip_suffix(['X', 'x']).and_then(|l| self.words.identifier(l)).filter(|_| letters.len() == 2);
+        let bits =
+            letters.strip_suffix(['X', 'x']).and_then(|l| self.words.identifier(l)).filter(|_| letters.len() == 2);
         match self.words.identifier(letters).or(bits) {
             Some(Identifier::Memory(area, width)) if !matches!(area, Area::Local | Area::Db | Area::Di) => {
                 if indexed && self.info.declared(text).is_some() {
@@ -561,7 +552,8 @@ impl<'c> Checker<'c> {
         if self.info.declared(name).is_none() && !self.info.constants.contains_key(&name.to_uppercase()) {
             return false;
         }
-        let declared = self.block.sections.iter().flat_map(|(_, list)| list).find(|d| d.name.eq_ignore_ascii_case(name));
+        let declared =
+            self.block.sections.iter().flat_map(|(_, list)| list).find(|d| d.name.eq_ignore_ascii_case(name));
         declared.is_none_or(|d| !self.file.slice(d.span).starts_with('#'))
     }
 

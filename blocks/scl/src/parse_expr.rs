@@ -8,9 +8,43 @@ use crate::syntax::{Arg, Expr, ExprKind, Operator, Ref, Step};
 
 /// Words of the grammar, which no expression begins with.
 pub(crate) const RESERVED: [&str; 38] = [
-    "IF", "THEN", "ELSE", "ELSIF", "END_IF", "CASE", "OF", "END_CASE", "FOR", "TO", "BY", "DO", "END_FOR", "WHILE",
-    "END_WHILE", "REPEAT", "UNTIL", "END_REPEAT", "EXIT", "CONTINUE", "RETURN", "GOTO", "BEGIN", "END_VAR", "VAR",
-    "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP", "CONST", "END_CONST", "AND", "OR", "XOR", "NOT", "MOD", "DIV",
+    "IF",
+    "THEN",
+    "ELSE",
+    "ELSIF",
+    "END_IF",
+    "CASE",
+    "OF",
+    "END_CASE",
+    "FOR",
+    "TO",
+    "BY",
+    "DO",
+    "END_FOR",
+    "WHILE",
+    "END_WHILE",
+    "REPEAT",
+    "UNTIL",
+    "END_REPEAT",
+    "EXIT",
+    "CONTINUE",
+    "RETURN",
+    "GOTO",
+    "BEGIN",
+    "END_VAR",
+    "VAR",
+    "VAR_INPUT",
+    "VAR_OUTPUT",
+    "VAR_IN_OUT",
+    "VAR_TEMP",
+    "CONST",
+    "END_CONST",
+    "AND",
+    "OR",
+    "XOR",
+    "NOT",
+    "MOD",
+    "DIV",
     "END_STRUCT",
 ];
 
@@ -24,12 +58,7 @@ const LEVELS: [&[(&str, Operator)]; 7] = [
     &[("XOR", Operator::Xor)],
     &[("AND", Operator::And), ("&", Operator::And)],
     &[("=", Operator::Equal), ("<>", Operator::NotEqual)],
-    &[
-        ("<=", Operator::LessEqual),
-        (">=", Operator::GreaterEqual),
-        ("<", Operator::Less),
-        (">", Operator::Greater),
-    ],
+    &[("<=", Operator::LessEqual), (">=", Operator::GreaterEqual), ("<", Operator::Less), (">", Operator::Greater)],
     &[("+", Operator::Add), ("-", Operator::Subtract)],
     &[("*", Operator::Multiply), ("/", Operator::Divide), ("DIV", Operator::Div), ("MOD", Operator::Mod)],
 ];
@@ -211,7 +240,10 @@ impl Cursor<'_, '_> {
             match token.kind {
                 Kind::Dot => {
                     self.bump();
-                    match self.peek().filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Number | Kind::Local)) {
+                    match self
+                        .peek()
+                        .filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Number | Kind::Local))
+                    {
                         Some(name) => {
                             self.bump();
                             steps.push(Step::Dot(name));

@@ -241,7 +241,13 @@ impl Cursor<'_, '_> {
             match token.kind {
                 Kind::Colon => return counted > 1,
                 Kind::Word if is_reserved(self.text(*token)) => return false,
-                Kind::Word | Kind::Number | Kind::Typed | Kind::Text | Kind::Local | Kind::Symbol | Kind::Comma
+                Kind::Word
+                | Kind::Number
+                | Kind::Typed
+                | Kind::Text
+                | Kind::Local
+                | Kind::Symbol
+                | Kind::Comma
                 | Kind::DotDot => {}
                 Kind::Operator if matches!(self.text(*token), "+" | "-" | "*") => {}
                 Kind::LeftParen | Kind::RightParen if counted == 1 => {}

@@ -63,8 +63,20 @@ fn the_remedy_names_the_conversion() {
 #[test]
 fn fourteen_mistakes_are_fourteen_findings() {
     let wrong = [
-        "a := b;", "a := 1.5;", "a := ;", "IF a THEN END_IF;", "w := a;", "a := TRUE;", "x[9] := 1;", "EXIT;",
-        "a := (1 + 2;", "FOR r := 1 TO 2 DO ; END_FOR;", "a := a MOD 0;", "s := 5;", "GOTO gone;", "f(1);",
+        "a := b;",
+        "a := 1.5;",
+        "a := ;",
+        "IF a THEN END_IF;",
+        "w := a;",
+        "a := TRUE;",
+        "x[9] := 1;",
+        "EXIT;",
+        "a := (1 + 2;",
+        "FOR r := 1 TO 2 DO ; END_FOR;",
+        "a := a MOD 0;",
+        "s := 5;",
+        "GOTO gone;",
+        "f(1);",
     ];
     let text = format!(
         "FUNCTION FC1 : VOID\nVAR_TEMP a : INT; w : WORD; r : REAL; s : STRING[5]; x : ARRAY[1..3] OF INT; END_VAR\nBEGIN\n\
@@ -106,8 +118,30 @@ fn comments_lie_in_each_other() {
 /// Changes a text at random: bytes, words, pieces.
 fn mutated(rng: &mut fastrand::Rng, text: &str) -> Vec<u8> {
     const WORDS: [&str; 24] = [
-        "IF", "END_IF", "(", ")", ";", ":=", "FOR", "CASE", "OF", "..", "[", "]", "#", "\"", "'", "END_FUNCTION", "AND", "-",
-        "16#", "VAR", "END_VAR", "**", "REPEAT", "(*",
+        "IF",
+        "END_IF",
+        "(",
+        ")",
+        ";",
+        ":=",
+        "FOR",
+        "CASE",
+        "OF",
+        "..",
+        "[",
+        "]",
+        "#",
+        "\"",
+        "'",
+        "END_FUNCTION",
+        "AND",
+        "-",
+        "16#",
+        "VAR",
+        "END_VAR",
+        "**",
+        "REPEAT",
+        "(*",
     ];
     let mut bytes = text.as_bytes().to_vec();
     for _ in 0..rng.usize(1..6) {
@@ -155,9 +189,12 @@ fn no_text_breaks_the_compiler() {
 
 #[test]
 fn nesting_is_bounded() {
-    for (open, close) in [("(", ")"), ("IF TRUE THEN ", " END_IF;"), ("NOT ", ""), ("- ", ""), ("WHILE TRUE DO ", " END_WHILE;")] {
+    for (open, close) in
+        [("(", ")"), ("IF TRUE THEN ", " END_IF;"), ("NOT ", ""), ("- ", ""), ("WHILE TRUE DO ", " END_WHILE;")]
+    {
         let inner = if open.starts_with(['(', 'N', '-']) { "MD0 := " } else { "" };
-        let text = format!("FUNCTION FC1 : VOID BEGIN {inner}{}1{} END_FUNCTION", open.repeat(20_000), close.repeat(20_000));
+        let text =
+            format!("FUNCTION FC1 : VOID BEGIN {inner}{}1{} END_FUNCTION", open.repeat(20_000), close.repeat(20_000));
         assert!(!compiled(&text).is_good(), "{open}");
     }
 }

@@ -173,12 +173,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
 
 /// The same; blocks written in SCL are compiled by `scl`, where one is given.
 #[must_use]
-pub fn compile_with(
-    sources: &[Source],
-    library: &Library,
-    options: &Options,
-    scl: Option<&dyn Statements>,
-) -> Output {
+pub fn compile_with(sources: &[Source], library: &Library, options: &Options, scl: Option<&dyn Statements>) -> Output {
     let mut sink = Sink::new();
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();
     let words = [Mnemonics::German, Mnemonics::International].map(Words::new);
@@ -191,10 +186,13 @@ pub fn compile_with(
         files.push(file(index, text, other.filter(|_| !scl), *scl, &mut sink));
     }
     let ours: Vec<_> = files.iter().zip(&foreign).map(|(file, other)| other.is_none().then_some(file)).collect();
-    let sets = Sets::new(match options.mnemonics {
-        Mnemonics::Auto => auto::decide(&ours, words, &mut sink),
-        set => ours.iter().map(|file| file.map_or(Mnemonics::German, |_| set)).collect(),
-    }, is_scl);
+    let sets = Sets::new(
+        match options.mnemonics {
+            Mnemonics::Auto => auto::decide(&ours, words, &mut sink),
+            set => ours.iter().map(|file| file.map_or(Mnemonics::German, |_| set)).collect(),
+        },
+        is_scl,
+    );
     let mut blocks = Vec::new();
     for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
         match other {

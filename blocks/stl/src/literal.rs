@@ -6,8 +6,8 @@ use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
 use crate::codes;
-use crate::fold;
 use crate::constant::{self, Constant, PointerConstant, ToParam};
+use crate::fold;
 use crate::identifiers::{BlockWord, Identifier};
 use crate::operand::Resolver;
 use crate::parser::{split_digits, unquote};

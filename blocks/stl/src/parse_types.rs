@@ -331,7 +331,10 @@ impl Parser<'_, '_> {
     /// Tokens up to one of these kinds, or to the end of the line.
     fn up_to(&mut self, ends: &[Kind]) -> std::ops::Range<usize> {
         let from = self.at;
-        while self.peek().is_some_and(|t| t.kind != Kind::Newline && t.kind != Kind::Semicolon && !ends.contains(&t.kind)) {
+        while self
+            .peek()
+            .is_some_and(|t| t.kind != Kind::Newline && t.kind != Kind::Semicolon && !ends.contains(&t.kind))
+        {
             self.bump();
         }
         from..self.at

@@ -525,7 +525,9 @@ impl<'s> Parser<'_, 's> {
             let Some(token) = self.peek() else { return };
             match self.keyword().as_deref() {
                 Some("END_CONST") => return self.bump(),
-                Some(word) if word == "BEGIN" || word == "CONST" || is_section(word) || word.starts_with("END_") => return,
+                Some(word) if word == "BEGIN" || word == "CONST" || is_section(word) || word.starts_with("END_") => {
+                    return;
+                }
                 _ => {}
             }
             if self.eat(Kind::Semicolon) {
@@ -569,7 +571,8 @@ impl<'s> Parser<'_, 's> {
     fn foreign_body(&mut self, end: &str) {
         while let Some(token) = self.peek() {
             let word = self.text(token);
-            let ends = word.eq_ignore_ascii_case(end) || word.len() > 6 && FRAMES.iter().any(|f| f.1.eq_ignore_ascii_case(word));
+            let ends = word.eq_ignore_ascii_case(end)
+                || word.len() > 6 && FRAMES.iter().any(|f| f.1.eq_ignore_ascii_case(word));
             if token.kind == Kind::Word && (ends || begins_block(word)) && !self.names_component() {
                 return;
             }

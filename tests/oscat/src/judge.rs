@@ -1,6 +1,8 @@
 //! One block, two ways: random calls of both programs, and what differs afterwards.
 
-use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, NativeBlock, OperatingState, Width, engine, standard_block, system_blocks};
+use ob1_cpu::{
+    Cell, Clock, Command, Cpu, CpuConfig, NativeBlock, OperatingState, Width, engine, standard_block, system_blocks,
+};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Number, Op, Operand, Place, Program, Stmt, Target};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_time::{Instant, Span};
@@ -200,7 +202,15 @@ fn edges(ty: &DataType) -> &'static [u32] {
         DataType::Int => &[0, 1, 0xFFFF, 0x7FFF, 0x8000, 10, 100],
         DataType::Word | DataType::S5Time | DataType::Date => &[0, 1, 0xFFFF, 0x7FFF, 0x8000, 0x1234],
         DataType::Real => &[
-            0, 0x3F80_0000, 0xBF80_0000, 0x8000_0000, 0x7F80_0000, 0x7FC0_0000, 0x3F00_0000, 0x4120_0000, 0x0080_0000,
+            0,
+            0x3F80_0000,
+            0xBF80_0000,
+            0x8000_0000,
+            0x7F80_0000,
+            0x7FC0_0000,
+            0x3F00_0000,
+            0x4120_0000,
+            0x0080_0000,
             0x7F7F_FFFF,
         ],
         DataType::TimeOfDay => &[0, 1, 43_200_000, 86_399_999],
@@ -272,8 +282,14 @@ fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32
             DataType::DateAndTime => {
                 let bcd = |v: u32| v / 10 << 4 | v % 10;
                 let bytes = [
-                    bcd(rng.u32(..100)), bcd(rng.u32(1..13)), bcd(rng.u32(1..29)), bcd(rng.u32(..24)),
-                    bcd(rng.u32(..60)), bcd(rng.u32(..60)), bcd(rng.u32(..100)), rng.u32(..10) << 4 | rng.u32(1..8),
+                    bcd(rng.u32(..100)),
+                    bcd(rng.u32(1..13)),
+                    bcd(rng.u32(1..29)),
+                    bcd(rng.u32(..24)),
+                    bcd(rng.u32(..60)),
+                    bcd(rng.u32(..60)),
+                    bcd(rng.u32(..100)),
+                    rng.u32(..10) << 4 | rng.u32(1..8),
                 ];
                 for (at, byte) in (0u32..).zip(bytes) {
                     for side in sides.iter_mut() {
@@ -328,7 +344,10 @@ pub fn judge(
             one.blocks.retain(|b| b.id == id);
             one.data.clear();
             one.symbols.clear();
-            println!("--- {name}\n{}", ob1_stl::listing(&one).lines().filter(|l| !l.starts_with("source")).collect::<Vec<_>>().join("\n"));
+            println!(
+                "--- {name}\n{}",
+                ob1_stl::listing(&one).lines().filter(|l| !l.starts_with("source")).collect::<Vec<_>>().join("\n")
+            );
         }
     }
     let sides = [reference, ours].map(|p| Side::new(&with_call(p, id, &own), natives(replaced)));
@@ -358,7 +377,10 @@ pub fn judge(
         let states = [sides[0].cycle(step), sides[1].cycle(step)];
         if states[0] != states[1] {
             let why = [sides[0].why(), sides[1].why()];
-            return Verdict::Differs(call, format!("theirs {:?} ({}), ours {:?} ({})", states[0], why[0], states[1], why[1]));
+            return Verdict::Differs(
+                call,
+                format!("theirs {:?} ({}), ours {:?} ({})", states[0], why[0], states[1], why[1]),
+            );
         }
         if states[0] != OperatingState::Run {
             stops += 1;
@@ -390,7 +412,12 @@ fn difference(sides: &[Side; 2], reference: &Program, interface: &Interface, id:
                 // What lies behind the actual length of a text means nothing.
                 let end = from + 2 + usize::from(*a.get(from + 1).unwrap_or(&0));
                 return (a.get(from..end) != b.get(from..end)).then(|| {
-                    format!("{} {:?} {:?}", p.name, String::from_utf8_lossy(&a[from..end]), String::from_utf8_lossy(&b[from..end]))
+                    format!(
+                        "{} {:?} {:?}",
+                        p.name,
+                        String::from_utf8_lossy(&a[from..end]),
+                        String::from_utf8_lossy(&b[from..end])
+                    )
                 });
             }
             let range = from..from + bytes as usize;
@@ -398,7 +425,8 @@ fn difference(sides: &[Side; 2], reference: &Program, interface: &Interface, id:
             if s.ty == DataType::Real {
                 let real = |x: &[u8]| Some(f32::from_be_bytes(x.try_into().ok()?));
                 let (x, y) = (real(x)?, real(y)?);
-                return (!(x.is_nan() && y.is_nan()) && x.to_bits() != y.to_bits()).then(|| format!("{} {x} {y}", p.name));
+                return (!(x.is_nan() && y.is_nan()) && x.to_bits() != y.to_bits())
+                    .then(|| format!("{} {x} {y}", p.name));
             }
             (x != y).then(|| format!("{} ({}) {x:02x?} {y:02x?}", p.name, p.ty.name()))
         };

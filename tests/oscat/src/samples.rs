@@ -115,11 +115,8 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
     let rows = project.symbols(tree, choice, &mut Notes::new());
     let symbols = read_symbols(&Source::new("symbols.sdf", symbol_text(&rows).as_bytes())).symbols;
     let folder = project.blocks(tree, choice).ok()?;
-    let named: BTreeMap<BlockId, &str> = standard_blocks()
-        .into_iter()
-        .filter(|b| b.origin == ob1_std::Origin::Iec)
-        .map(|b| (b.id, b.name))
-        .collect();
+    let named: BTreeMap<BlockId, &str> =
+        standard_blocks().into_iter().filter(|b| b.origin == ob1_std::Origin::Iec).map(|b| (b.id, b.name)).collect();
     let replaced: BTreeSet<BlockId> = folder
         .blocks
         .iter()
@@ -151,9 +148,9 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
         let id = ids.first().filter(|(word, _)| *word != "TYPE").and_then(|(_, id)| block_id(id));
         scl.push((id, Source::new(format!("{}.scl", text.name), text.text.as_bytes())));
     }
-    let is_rest = |file: &&ob1_project::ProgramFile| {
-        !taken.contains(&file.name.split('.').next().unwrap_or("").replace('_', ""))
-    };
-    let rest = translation.sources.iter().filter(is_rest).map(|f| Source::new(f.name.clone(), f.bytes.clone())).collect();
+    let is_rest =
+        |file: &&ob1_project::ProgramFile| !taken.contains(&file.name.split('.').next().unwrap_or("").replace('_', ""));
+    let rest =
+        translation.sources.iter().filter(is_rest).map(|f| Source::new(f.name.clone(), f.bytes.clone())).collect();
     Some(Release { name: name.to_owned(), scl, reference: translation.program, rest, symbols, library, replaced })
 }

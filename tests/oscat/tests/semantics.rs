@@ -96,7 +96,11 @@ fn conversions() {
         ("r : REAL;", "r := 2.5; MD100 := DINT_TO_DWORD(REAL_TO_DINT(r));", 2),
         ("r : REAL;", "r := 3.5; MD100 := DINT_TO_DWORD(ROUND(r));", 4),
         ("r : REAL;", "r := -3.7; MD100 := DINT_TO_DWORD(TRUNC(r));", 0xFFFF_FFFD),
-        ("x : DWORD; r : REAL;", "x := 16#3F800000; r := DWORD_TO_REAL(x); MD100 := REAL_TO_DWORD(r + 1.0);", real(2.0)),
+        (
+            "x : DWORD; r : REAL;",
+            "x := 16#3F800000; r := DWORD_TO_REAL(x); MD100 := REAL_TO_DWORD(r + 1.0);",
+            real(2.0),
+        ),
         ("x : BOOL;", "x := TRUE; MD100 := x;", 1),
         ("r : REAL; a : INT;", "a := 7; r := a; MD100 := REAL_TO_DWORD(r);", real(7.0)),
         ("x : BYTE;", "x := 16#F0; MD100 := DINT_TO_DWORD(BYTE_TO_INT(x) + 1);", 0xF1),
@@ -122,12 +126,20 @@ fn loops_and_choices() {
         (INTS, "b := 3; d := 0; FOR a := 1 TO b DO b := 9; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d);", 3),
         (INTS, "d := 0; FOR a := 5 TO 1 BY -2 DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 531),
         (INTS, "c := -1; d := 0; FOR a := 3 TO 1 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 321),
-        (INTS, "d := 0; FOR a := 1 TO 9 DO IF a = 3 THEN CONTINUE; END_IF; IF a = 5 THEN EXIT; END_IF; d := d + a;
-                END_FOR; MD100 := DINT_TO_DWORD(d);", 7),
+        (
+            INTS,
+            "d := 0; FOR a := 1 TO 9 DO IF a = 3 THEN CONTINUE; END_IF; IF a = 5 THEN EXIT; END_IF; d := d + a;
+                END_FOR; MD100 := DINT_TO_DWORD(d);",
+            7,
+        ),
         (INTS, "a := 5; WHILE a > 2 DO a := a - 1; END_WHILE; MD100 := DINT_TO_DWORD(a);", 2),
         (INTS, "a := 0; REPEAT a := a + 1; UNTIL a >= 4 END_REPEAT; MD100 := DINT_TO_DWORD(a);", 4),
-        (INTS, "a := 7; CASE a OF 1, 2: d := 1; 5..9: d := 2; 7: d := 3; ELSE d := 4; END_CASE;
-                MD100 := DINT_TO_DWORD(d);", 2),
+        (
+            INTS,
+            "a := 7; CASE a OF 1, 2: d := 1; 5..9: d := 2; 7: d := 3; ELSE d := 4; END_CASE;
+                MD100 := DINT_TO_DWORD(d);",
+            2,
+        ),
         (INTS, "a := -3; CASE a OF -5..-1: d := 1; ELSE: d := 4; END_CASE; MD100 := DINT_TO_DWORD(d);", 1),
         (INTS, "a := 1; GOTO out; a := 2; out: MD100 := DINT_TO_DWORD(a);", 1),
         (INTS, "MD100 := 5; RETURN; MD100 := 6;", 5),
@@ -161,14 +173,24 @@ fn addresses_arrays_and_views() {
     table(&[
         (INTS, "a := 102; MW[a] := 16#1234;", 0x1234),
         (INTS, "a := 103; b := 2; MX[a, b] := TRUE;", 4),
-        ("x : ARRAY[1..4] OF INT; i : INT;", "FOR i := 1 TO 4 DO x[i] := i * i; END_FOR; MW102 := INT_TO_WORD(x[3]);", 9),
-        ("x : ARRAY[0..2, 1..2] OF INT; i, k : INT;",
-         "FOR i := 0 TO 2 DO FOR k := 1 TO 2 DO x[i, k] := i * 10 + k; END_FOR; END_FOR; MW102 := INT_TO_WORD(x[2, 1]);", 21),
+        (
+            "x : ARRAY[1..4] OF INT; i : INT;",
+            "FOR i := 1 TO 4 DO x[i] := i * i; END_FOR; MW102 := INT_TO_WORD(x[3]);",
+            9,
+        ),
+        (
+            "x : ARRAY[0..2, 1..2] OF INT; i, k : INT;",
+            "FOR i := 0 TO 2 DO FOR k := 1 TO 2 DO x[i, k] := i * 10 + k; END_FOR; END_FOR; MW102 := INT_TO_WORD(x[2, 1]);",
+            21,
+        ),
         ("x : DWORD; y AT x : ARRAY[0..31] OF BOOL;", "x := 0; y[24] := TRUE; MD100 := x;", 1),
         ("x : DWORD; y AT x : STRUCT a, b, c, d : BYTE; END_STRUCT;", "x := 16#01020304; MB103 := y.b;", 2),
         ("x : WORD;", "x := 16#1234; MB103 := x.%B0;", 0x34),
-        ("x : STRUCT a : INT; b : ARRAY[0..1] OF BOOL; END_STRUCT; i : INT;",
-         "i := 1; x.b[i] := TRUE; M103.1 := x.b[1];", 2),
+        (
+            "x : STRUCT a : INT; b : ARRAY[0..1] OF BOOL; END_STRUCT; i : INT;",
+            "i := 1; x.b[i] := TRUE; M103.1 := x.b[1];",
+            2,
+        ),
     ]);
 }
 
@@ -176,7 +198,7 @@ fn addresses_arrays_and_views() {
 fn texts() {
     table(&[
         ("s : STRING[10];", "s := 'abc'; MD100 := DINT_TO_DWORD(LEN(s));", 3),
-        ("s, t : STRING[4];", "s := 'abc'; t := CONCAT(IN1 := s, IN2 := 'def'); M103.0 := t = 'abcd';", 1),
+        ("s, t : STRING[4];", "s := 'abc'; t := ''; t := CONCAT(IN1 := s, IN2 := 'def'); M103.0 := t = 'abcd';", 1),
         ("s : STRING[4]; t : STRING[20];", "t := 'abcdefgh'; s := t; MD100 := DINT_TO_DWORD(LEN(s));", 4),
         ("s : STRING[8];", "s := 'b'; M103.0 := s > 'a'; M103.1 := s <> 'b';", 1),
         ("s : STRING[8]; i : INT;", "s := 'xyz'; i := 2; MB103 := CHAR_TO_BYTE(s[i]);", 0x79),
@@ -185,26 +207,30 @@ fn texts() {
 
 #[test]
 fn both_sides_of_and_are_evaluated() {
-    let count = "FUNCTION FC1 : BOOL VAR_INPUT x : BOOL; END_VAR BEGIN MW102 := INT_TO_WORD(WORD_TO_INT(MW102) + 1);
-        FC1 := x; END_FUNCTION";
-    let mut cpu = run(count, "a : BOOL;", "a := FC1(FALSE) AND FC1(x := TRUE);");
+    let count = "FUNCTION FC501 : BOOL VAR_INPUT x : BOOL; END_VAR BEGIN MW102 := INT_TO_WORD(WORD_TO_INT(MW102) + 1);
+        FC501 := x; END_FUNCTION";
+    let mut cpu = run(count, "a : BOOL;", "a := FC501(FALSE) AND FC501(x := TRUE);");
     assert_eq!(result(&mut cpu), 2);
 }
 
 #[test]
 fn calls() {
-    let blocks = "FUNCTION FC1 : INT VAR_INPUT a : INT; END_VAR VAR_IN_OUT s : INT; END_VAR VAR_OUTPUT o : INT; END_VAR
-        BEGIN a := a + 1; s := s + a; o := a * 2; FC1 := a; END_FUNCTION
+    let blocks =
+        "FUNCTION FC501 : INT VAR_INPUT a : INT; END_VAR VAR_IN_OUT s : INT; END_VAR VAR_OUTPUT o : INT; END_VAR
+        BEGIN a := a + 1; s := s + a; o := a * 2; FC501 := a; END_FUNCTION
         FUNCTION_BLOCK FB1 VAR_INPUT a : INT := 5; END_VAR VAR_OUTPUT q : INT; END_VAR VAR n : INT; END_VAR
         BEGIN n := n + a; q := n; END_FUNCTION_BLOCK
         FUNCTION_BLOCK FB2 VAR one : FB1; END_VAR VAR_OUTPUT q : INT; END_VAR
         BEGIN one(a := 3); one(); q := one.q; END_FUNCTION_BLOCK";
     for (statements, expected) in [
-        ("x := 1; y := 10; r := FC1(a := x, s := y, o := z); MD100 := DINT_TO_DWORD(r + y * 10 + z * 1000 + x * 10000);", 14_122),
+        (
+            "x := 1; y := 10; r := FC501(a := x, s := y, o := z); MD100 := DINT_TO_DWORD(r + y * 10 + z * 1000 + x * 10000);",
+            14_122,
+        ),
         ("FB1.DB5(a := 2); FB1.DB5(); MD100 := DINT_TO_DWORD(DB5.q);", 4),
         ("FB2.DB6(); MD100 := DINT_TO_DWORD(DB6.q);", 6),
         ("r := 1; FB1.DB5(a := 2, q => r); MD100 := DINT_TO_DWORD(r);", 2),
-        ("y := 0; x := 0; r := FC1(EN := FALSE, a := x, s := y, o := z); M103.0 := ENO;", 0),
+        ("y := 0; x := 0; r := FC501(EN := FALSE, a := x, s := y, o := z); M103.0 := ENO;", 0),
     ] {
         let mut cpu = run(blocks, "x, y, z, r : INT;", statements);
         assert_eq!(result(&mut cpu), expected, "{statements}");
@@ -215,9 +241,9 @@ fn calls() {
 fn ok_follows_calculations_with_the_option() {
     for (option, expected) in [("'y'", 0), ("'n'", 1)] {
         let block = format!(
-            "{{SCL_SetOKFlag := {option}}} FUNCTION FC1 : INT VAR_INPUT a : INT; END_VAR BEGIN FC1 := a + 1; END_FUNCTION"
+            "{{SCL_SetOKFlag := {option}}} FUNCTION FC501 : INT VAR_INPUT a : INT; END_VAR BEGIN FC501 := a + 1; END_FUNCTION"
         );
-        let mut cpu = run(&block, "r : INT;", "r := FC1(a := 32767); M103.0 := ENO;");
+        let mut cpu = run(&block, "r : INT;", "r := FC501(a := 32767); M103.0 := ENO;");
         assert_eq!(result(&mut cpu), expected, "{option}");
     }
 }

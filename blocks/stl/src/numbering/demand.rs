@@ -92,9 +92,9 @@ impl Elaborator<'_> {
         let whole = file.tokens.iter().take_while(|t| t.span.start < block.span.start).count();
         let head = file.tokens.get(whole..).unwrap_or_default();
         let has = |words: &[&str]| {
-            head.iter().take(4 * HEAD + tokens.len()).any(|t| {
-                t.kind == Kind::Word && words.iter().any(|word| file.of(*t).eq_ignore_ascii_case(word))
-            })
+            head.iter()
+                .take(4 * HEAD + tokens.len())
+                .any(|t| t.kind == Kind::Word && words.iter().any(|word| file.of(*t).eq_ignore_ascii_case(word)))
         };
         let texts = tokens.iter().any(|t| t.kind == Kind::Text) || has(&["STRING"]);
         let dates = has(&["DT", "DATE_AND_TIME"]);
