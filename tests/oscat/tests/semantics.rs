@@ -61,6 +61,22 @@ const fn real(value: f32) -> u32 {
 }
 
 #[test]
+fn the_example_compiles_beside_stl() {
+    let scl = include_str!("../../../examples/mixing-tank/mixing-tank.scl");
+    let stl = "FUNCTION FC 90 : VOID\nBEGIN\nCALL FC 10 (raw := MW 10, full := 5.0e2, RET_VAL := MD 12);\nEND_FUNCTION\n";
+    let mut library = Library::new();
+    for block in ob1_std::system_functions() {
+        library.insert(block.id, block.name, block.interface);
+    }
+    let sources = [Source::new("tank.scl", scl.as_bytes()), Source::new("main.awl", stl.as_bytes())];
+    let output = ob1_scl::compile(&sources, &library, &Options::default());
+    assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &sources));
+    assert_eq!(output.program.blocks.len(), 4);
+    let external = |id| library.get(id).map(|block| &block.interface);
+    assert!(ob1_ir::verify(&output.program, &external).is_ok());
+}
+
+#[test]
 fn precedence() {
     table(&[
         (INTS, "a := 2; MD100 := DINT_TO_DWORD(a + 3 * 4);", 14),
