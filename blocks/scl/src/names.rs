@@ -442,6 +442,13 @@ impl<'c> Checker<'c> {
             let value = Typed::new(Kind::Var(var), &component.ty, reference.span);
             return Some((Named::Value(value), 0));
         }
+        // An instance that a call before has asked for.
+        let wanted = self.wanted.get(&number).and_then(|fb| world.blocks.get(fb));
+        let member = wanted.filter(|_| data.is_none()).and_then(|info| info.interface.find(name));
+        if let Some(param) = member.filter(|p| p.section != Section::Temp && !p.is_pointer()) {
+            let var = Var { at: param.at, ..whole_db(number) };
+            return Some((Named::Value(Typed::new(Kind::Var(var), &param.ty, reference.span)), 0));
+        }
         // `"DB".TON(...)`: the data block is an instance of that block.
         if let Some(Step::Call(args)) = rest.first()
             && let Some(id) = self.library_block(name).or_else(|| self.symbol_block(name))
