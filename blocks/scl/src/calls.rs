@@ -322,7 +322,7 @@ impl<'c> Checker<'c> {
     /// The variable of an output or in/out.
     fn variable(&mut self, id: BlockId, formal: &'c Param, value: Typed<'c>) -> Option<Typed<'c>> {
         let pointer = matches!(formal.ty, DataType::Any | DataType::Pointer);
-        if !matches!(value.kind, Kind::Var(_)) && !(pointer && value.is_constant()) {
+        if !(matches!(value.kind, Kind::Var(_)) || pointer && value.is_constant()) {
             let message = format!("{} of {id} is written: it takes a variable", formal.name);
             self.report(value.span, &codes::ACTUAL, message);
             return None;

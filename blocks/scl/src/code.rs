@@ -112,7 +112,7 @@ impl Code {
 
     /// A single bit.
     pub(crate) fn take_bit(&mut self) -> Place {
-        if self.bits % 8 == 0 {
+        if self.bits.is_multiple_of(8) {
             self.bits = self.take(2).0;
         }
         let at = BitAddr(self.bits);

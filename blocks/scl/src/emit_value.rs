@@ -19,13 +19,13 @@ impl Code {
         match &value.kind {
             Kind::Constant(bits) => self.op(Op::LoadConst(*bits)),
             Kind::Flexible(constant) => self.op(Op::LoadConst(constant.load().unwrap_or(0))),
-            _ if *value.ty == DataType::Bool => self.from_bool(value),
+            _ if *value.ty == DataType::Bool => self.number_of_bit(value),
             Kind::Var(var) => {
                 let operand = self.operand(var, value.ty);
                 self.op(Op::Load(operand));
             }
             Kind::Convert(ops, check, inner) => self.convert(ops, *check, inner),
-            Kind::FromBool(inner) => self.from_bool(inner),
+            Kind::FromBool(inner) => self.number_of_bit(inner),
             Kind::Arithmetic(op, left, right) => {
                 self.two(left, right);
                 self.op(Op::Arithmetic(format(left.ty), *op));
@@ -158,7 +158,7 @@ impl Code {
         self.op(Op::Load(kept));
     }
 
-    fn from_bool(&mut self, inner: &Typed<'_>) {
+    fn number_of_bit(&mut self, inner: &Typed<'_>) {
         self.bits(inner);
         let (zero, end) = (self.label(), self.label());
         self.jump(Jump::IfNotRlo, zero);

@@ -170,7 +170,7 @@ impl<'c> Checker<'c> {
         let remedy = function(right.ty, left.ty).or_else(|| function(left.ty, right.ty));
         match remedy.filter(|_| left.ty != right.ty) {
             Some(name) => {
-                self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...)."))
+                self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...)."));
             }
             None => self.report(span, &codes::OPERANDS, message),
         }

@@ -26,7 +26,7 @@ const MATH: [(&str, MathFn); 10] = [
 ];
 
 /// LN(10), as Siemens' compiler divides by it.
-const LN_10: f32 = 2.302_585_1;
+const LN_10: f32 = std::f32::consts::LN_10;
 
 impl<'c> Checker<'c> {
     /// A call of what is neither declared nor a symbol: a standard function, or a block of the library.
@@ -178,12 +178,9 @@ impl<'c> Checker<'c> {
         if !elementary {
             return None;
         }
-        let value = match args {
-            [Arg { value: Some(value), .. }] => value,
-            _ => {
-                self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
-                return Some(None);
-            }
+        let [Arg { value: Some(value), .. }] = args else {
+            self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
+            return Some(None);
         };
         let value = self.expr(value);
         if value.is_bad() {

@@ -235,8 +235,7 @@ impl Cursor<'_, '_> {
         let first = self.peek().unwrap_or(Token { kind: Kind::Bad, span, line: 0, spaced: true });
         self.bump();
         let mut steps = Vec::new();
-        loop {
-            let Some(token) = self.peek() else { break };
+        while let Some(token) = self.peek() {
             match token.kind {
                 Kind::Dot => {
                     self.bump();

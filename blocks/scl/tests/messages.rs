@@ -176,6 +176,7 @@ WHILE i > 0 DO i := i - 1; END_WHILE; REPEAT i := i + 1; UNTIL i > 3 END_REPEAT;
 IF DB1.q AND d = 'x' THEN M1.0 := SEL(G := q, IN0 := TRUE, IN1 := FALSE); END_IF; END_FUNCTION\n";
 
 #[test]
+#[allow(clippy::disallowed_methods, reason = "the length of the campaign comes from the environment")]
 fn no_text_breaks_the_compiler() {
     // `SCL_MUTATIONS=1000000 cargo test -p ob1-scl --release` is the campaign.
     let count = std::env::var("SCL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(2_000);

@@ -280,7 +280,7 @@ fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32
                 }
             }
             DataType::DateAndTime => {
-                let bcd = |v: u32| v / 10 << 4 | v % 10;
+                let bcd = |v: u32| ((v / 10) << 4) | (v % 10);
                 let bytes = [
                     bcd(rng.u32(..100)),
                     bcd(rng.u32(1..13)),

@@ -63,7 +63,8 @@ const fn real(value: f32) -> u32 {
 #[test]
 fn the_example_compiles_beside_stl() {
     let scl = include_str!("../../../examples/mixing-tank/mixing-tank.scl");
-    let stl = "FUNCTION FC 90 : VOID\nBEGIN\nCALL FC 10 (raw := MW 10, full := 5.0e2, RET_VAL := MD 12);\nEND_FUNCTION\n";
+    let stl =
+        "FUNCTION FC 90 : VOID\nBEGIN\nCALL FC 10 (raw := MW 10, full := 5.0e2, RET_VAL := MD 12);\nEND_FUNCTION\n";
     let mut library = Library::new();
     for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
