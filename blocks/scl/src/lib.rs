@@ -7,6 +7,7 @@
 //!
 //! This crate knows the instruction set ([`ob1_ir`]) and no engine.
 
+mod address;
 mod calls;
 mod check;
 mod code;

@@ -48,6 +48,7 @@ mod numbering;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod operand;
 mod parse_code;
+mod parse_scl;
 mod parse_types;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod parser;

@@ -12,7 +12,7 @@ use crate::token::{File, Kind, Span, Token};
 use crate::words::Words;
 
 /// Words that begin a block, with the word that ends it.
-const FRAMES: [(&str, &str, Frame); 5] = [
+pub(crate) const FRAMES: [(&str, &str, Frame); 5] = [
     ("ORGANIZATION_BLOCK", "END_ORGANIZATION_BLOCK", Frame::Ob),
     ("FUNCTION_BLOCK", "END_FUNCTION_BLOCK", Frame::Fb),
     ("FUNCTION", "END_FUNCTION", Frame::Fc),
@@ -513,71 +513,8 @@ impl<'s> Parser<'_, 's> {
     }
 
     /// True for a word that names a component or parameter, whatever else it means: `Type := 5;`, `Type.x := 5;`.
-    fn names_component(&self) -> bool {
+    pub(crate) fn names_component(&self) -> bool {
         self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::Dot | Kind::LeftBracket))
-    }
-
-    /// `CONST name := value; END_CONST`. Siemens' compiler takes BEGIN for its end, too.
-    fn constants(&mut self, block: &mut Block) {
-        self.bump();
-        loop {
-            self.skip_newlines();
-            let Some(token) = self.peek() else { return };
-            match self.keyword().as_deref() {
-                Some("END_CONST") => return self.bump(),
-                Some(word) if word == "BEGIN" || word == "CONST" || is_section(word) || word.starts_with("END_") => {
-                    return;
-                }
-                _ => {}
-            }
-            if self.eat(Kind::Semicolon) {
-                continue;
-            }
-            let named = matches!(token.kind, Kind::Word | Kind::Local | Kind::Symbol);
-            if named {
-                self.bump();
-            }
-            if !named || !self.eat(Kind::Assign) {
-                self.report(token.span, &codes::DECLARATION, "a constant is written name := value;");
-                self.skip_statement();
-                continue;
-            }
-            let from = self.at;
-            while !matches!(self.peek_kind(), None | Some(Kind::Semicolon)) && !self.ends_constants() {
-                self.bump();
-            }
-            let ty = std::rc::Rc::new(Type::bad(token.span));
-            let name = unquote(self.text(token)).to_owned();
-            let initial = Some(from..self.at);
-            block.constants.push(crate::syntax::Declaration { name, span: token.span, ty, over: None, initial });
-        }
-    }
-
-    fn ends_constants(&self) -> bool {
-        self.keyword().is_some_and(|word| &*word == "BEGIN" || word.starts_with("END_"))
-    }
-
-    /// `LABEL a, b; END_LABEL`: what is declared there stands before a statement anyway.
-    fn labels(&mut self) {
-        while self.peek().is_some() && !self.keyword().is_some_and(|w| &*w == "END_LABEL" || &*w == "BEGIN") {
-            self.bump();
-        }
-        if self.keyword().as_deref() == Some("END_LABEL") {
-            self.bump();
-        }
-    }
-
-    /// Skips statements of another language, up to the block's last word.
-    fn foreign_body(&mut self, end: &str) {
-        while let Some(token) = self.peek() {
-            let word = self.text(token);
-            let ends = word.eq_ignore_ascii_case(end)
-                || word.len() > 6 && FRAMES.iter().any(|f| f.1.eq_ignore_ascii_case(word));
-            if token.kind == Kind::Word && (ends || begins_block(word)) && !self.names_component() {
-                return;
-            }
-            self.bump();
-        }
     }
 
     /// Statements or assignments up to the block's end.

@@ -31,7 +31,7 @@ fn run(before: &str, declared: &str, statements: &str) -> Cpu {
         natives.push(standard_block(block.id, block));
     }
     let source = Source::new("p.scl", text.into_bytes());
-    let output = ob1_scl::compile(&[source.clone()], &library, &Options::default());
+    let output = ob1_scl::compile(std::slice::from_ref(&source), &library, &Options::default());
     assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &[source]));
     let cpu = Cpu::new(CpuConfig::default(), &output.program, natives, Vec::new(), engine::REFERENCE);
     let mut cpu = cpu.expect("it loads");
