@@ -1,5 +1,5 @@
-//! The table of diagnostics of SCL statements. `docs/scl-errors.md` is made from it. What concerns declarations, constants
-//! and names has the numbers of STL.
+//! The table of diagnostics of SCL statements; `docs/scl-errors.md` is made from it. What concerns declarations,
+//! constants and names has the numbers of STL.
 
 use ob1_stl::Severity;
 use ob1_stl::front::Code;

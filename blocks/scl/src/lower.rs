@@ -366,7 +366,7 @@ impl<'c> Lowerer<'c> {
         Typed::new(Kind::Var(var), value.ty, value.span)
     }
 
-    /// Leaves the loop when the variable has passed the end. The sign of a step that is no constant decides at run time.
+    /// Leaves the loop when the variable has passed the end. A step that is no constant decides by its sign.
     fn for_test(&mut self, counter: &Typed<'c>, end: &Typed<'c>, step: &Typed<'c>, exit: Mark) {
         let compare = |code: &mut Code, relation| {
             code.two(counter, end);

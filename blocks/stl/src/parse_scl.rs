@@ -7,6 +7,15 @@ use crate::parser::{FRAMES, Parser, begins_block, is_section, unquote};
 use crate::syntax::{Block, Declaration, Type};
 use crate::token::Kind;
 
+/// What is done with statements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bodies {
+    Stl,
+    Scl,
+    /// They are of a language that is not compiled.
+    LeftOut,
+}
+
 impl Parser<'_, '_> {
     /// `CONST name := value; END_CONST`. Siemens' compiler takes BEGIN for its end, too.
     pub(crate) fn constants(&mut self, block: &mut Block) {

@@ -6,6 +6,7 @@ use ob1_model::Section;
 use crate::codes::{self, Code};
 use crate::diagnostic::Sink;
 use crate::identifiers::BlockWord;
+pub(crate) use crate::parse_scl::Bodies;
 use crate::syntax::{Block, Frame, NameRef, Statement, Type, TypeKind};
 use crate::tia;
 use crate::token::{File, Kind, Span, Token};
@@ -128,15 +129,6 @@ pub(crate) fn parse_scl(index: usize, file: &File<'_>, words: &Words, sink: &mut
 pub(crate) fn parse_declarations(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
     let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::LeftOut };
     parser.file()
-}
-
-/// What is done with statements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Bodies {
-    Stl,
-    Scl,
-    /// They are of a language that is not compiled.
-    LeftOut,
 }
 
 pub(crate) struct Parser<'p, 's> {
