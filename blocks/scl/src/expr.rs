@@ -103,12 +103,7 @@ impl<'c> Checker<'c> {
         let ty = value.ty;
         match ty {
             DataType::Bool => Typed::new(Kind::Not(Box::new(value)), &BOOL, span),
-            DataType::DWord => by(vec![Op::Convert(Convert::Invd)], Check::Never, value, ty),
-            DataType::Word => by(vec![Op::Convert(Convert::Invi)], Check::Never, value, ty),
-            DataType::Byte => {
-                let mask = Op::WordLogic(ob1_ir::WordLogic::And, Some(0xFF));
-                by(vec![Op::Convert(Convert::Invi), mask], Check::Never, value, ty)
-            }
+            DataType::DWord | DataType::Word | DataType::Byte => inverted(value),
             _ => {
                 let message = format!("NOT takes a BOOL or a bit string, this is {}", with_article(short(ty)));
                 self.report(span, &codes::OPERANDS, message);
@@ -479,8 +474,23 @@ fn one_factor<'c>(op: AccuOp, left: &Typed<'c>, right: &Typed<'c>, span: Span) -
     Some(Typed::new(Kind::Arithmetic(op, value.clone(), Box::new(factor)), &REAL, span))
 }
 
+/// NOT of a bit string.
+fn inverted(value: Typed<'_>) -> Typed<'_> {
+    let ty = value.ty;
+    let mut ops = vec![Op::Convert(if *ty == DataType::DWord { Convert::Invd } else { Convert::Invi })];
+    if *ty == DataType::Byte {
+        ops.push(Op::WordLogic(ob1_ir::WordLogic::And, Some(0xFF)));
+    }
+    by(ops, Check::Never, value, ty)
+}
+
 /// The shift of a constant without a type of its own, in the type its place wants.
 fn reshifted<'c>(value: &Typed<'c>, to: &'c DataType) -> Option<Typed<'c>> {
+    if let Kind::Convert(ops, _, inner) = &value.kind
+        && matches!(ops.first(), Some(Op::Convert(Convert::Invi | Convert::Invd)))
+    {
+        return reshifted(inner, to).map(inverted);
+    }
     let Kind::Shift(shifted, inner, count) = &value.kind else { return None };
     let Kind::Flexible(constant) = &inner.kind else { return None };
     let inner = fitted(constant, to, inner.span).ok().filter(|_| is_bits(to))?;

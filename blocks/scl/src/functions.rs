@@ -143,6 +143,11 @@ impl<'c> Checker<'c> {
                     _ => self.wrong(plain, &value, "a STRING"),
                 }
             }
+            // A CHAR is taken wherever a STRING is.
+            "CHAR_TO_STRING" => {
+                let [value] = self.values(plain, ["IN"], args, span)?;
+                if value.is_bad() { None } else { self.coerced(value, &types::CHAR) }
+            }
             "BCD_TO_INT" | "WORD_BCD_TO_INT" => self.bcd(Convert::Bti, args, &WORD, &INT, span),
             "INT_TO_BCD" | "INT_TO_BCD_WORD" => self.bcd(Convert::Itb, args, &INT, &WORD, span),
             "BCD_TO_DINT" | "DWORD_BCD_TO_DINT" => self.bcd(Convert::Btd, args, &DWORD, &DINT, span),
