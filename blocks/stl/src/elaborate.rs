@@ -19,6 +19,7 @@ use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, TypeKind};
 use crate::tia;
 use crate::token::{File, Span};
 use crate::type_words::with_article;
+use crate::types::needed;
 use crate::world::{Info, Symbolic, World};
 
 /// The longest data block, instance and local data, in bytes.
@@ -569,22 +570,6 @@ impl<'e> Elaborator<'e> {
             }
         }
         Some((param, resolved.fb))
-    }
-}
-
-/// Bits that a view reaches into: the filling at the end of a structure or array does not count.
-fn needed(ty: &DataType) -> u32 {
-    match ty {
-        DataType::Array(dims, element) => {
-            let last = dims.last().map_or(0, |d| d.len());
-            let before = Layout::bits(ty) - ob1_model::align_to(last.saturating_mul(Layout::stride(element)), 16);
-            before + last.saturating_sub(1).saturating_mul(Layout::stride(element)) + needed(element)
-        }
-        DataType::Struct(fields) => {
-            let mut layout = Layout::new();
-            fields.iter().map(|f| layout.place(&f.ty).0 + needed(&f.ty)).max().unwrap_or(0)
-        }
-        _ => Layout::bits(ty),
     }
 }
 

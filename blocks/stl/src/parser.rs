@@ -340,7 +340,7 @@ impl<'s> Parser<'_, 's> {
         loop {
             let Some(token) = self.peek() else { return };
             if token.kind == Kind::Attributes {
-                block.optimized |= is_optimized(self.text(token));
+                block.optimized |= tia::is_optimized(self.text(token));
             }
             // `TYPE UDT 7 : STRUCT`, as other languages of the standard write it.
             let colon = token.kind == Kind::Colon && block.frame == Frame::Udt && block.shape.is_none();
@@ -580,12 +580,6 @@ impl Type {
     pub(crate) fn bad(span: Span) -> Self {
         Self { kind: TypeKind::Bad, span }
     }
-}
-
-/// True for an attribute list that says optimised access.
-fn is_optimized(attributes: &str) -> bool {
-    let compact: String = attributes.chars().filter(|c| !c.is_whitespace()).collect();
-    compact.to_ascii_uppercase().contains("S7_OPTIMIZED_ACCESS:='TRUE'")
 }
 
 /// `"pump"` without its quotes, closed or not; also without a leading `#`.

@@ -266,6 +266,22 @@ impl Elaborator<'_> {
     }
 }
 
+/// Bits that a view reaches into: the filling at the end of a structure or array does not count.
+pub(crate) fn needed(ty: &DataType) -> u32 {
+    match ty {
+        DataType::Array(dims, element) => {
+            let last = dims.last().map_or(0, |d| d.len());
+            let before = Layout::bits(ty) - ob1_model::align_to(last.saturating_mul(Layout::stride(element)), 16);
+            before + last.saturating_sub(1).saturating_mul(Layout::stride(element)) + needed(element)
+        }
+        DataType::Struct(fields) => {
+            let mut layout = Layout::new();
+            fields.iter().map(|f| layout.place(&f.ty).0 + needed(&f.ty)).max().unwrap_or(0)
+        }
+        _ => Layout::bits(ty),
+    }
+}
+
 fn depth_of(ty: &DataType) -> u32 {
     match ty {
         DataType::Struct(fields) => 1 + fields.iter().map(|f| depth_of(&f.ty)).max().unwrap_or(0),

@@ -160,6 +160,12 @@ pub(crate) fn dtl() -> DataType {
     DataType::Struct(fields)
 }
 
+/// True for an attribute list that says optimised access.
+pub(crate) fn is_optimized(attributes: &str) -> bool {
+    let compact: String = attributes.chars().filter(|c| !c.is_whitespace()).collect();
+    compact.to_ascii_uppercase().contains("S7_OPTIMIZED_ACCESS:='TRUE'")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
