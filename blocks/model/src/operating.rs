@@ -72,8 +72,7 @@ pub enum Command {
 
 impl Command {
     /// Every command.
-    pub const ALL: [Self; 7] =
-        [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
+    pub const ALL: [Self; 7] = [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
 
     /// The word for it on a command line, on the socket of a station and in the web page's requests.
     #[must_use]

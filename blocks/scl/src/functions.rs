@@ -28,6 +28,12 @@ const MATH: [(&str, MathFn); 10] = [
 /// LN(10), as Siemens' compiler divides by it.
 const LN_10: f32 = std::f32::consts::LN_10;
 
+/// Whether a standard function has this name.
+pub(crate) fn is_standard(name: &str) -> bool {
+    let is = |known: &str| known.eq_ignore_ascii_case(name);
+    MATH.iter().any(|(known, _)| is(known)) || NAMES.iter().any(|known| is(known))
+}
+
 impl<'c> Checker<'c> {
     /// A call of what is neither declared nor a symbol: a standard function, or a block of the library.
     pub(crate) fn function(&mut self, name: Token, args: &[Arg], span: Span) -> Typed<'c> {

@@ -9,6 +9,7 @@ use ob1_stl::front::{
 use crate::address::{add_index, db_address, of_width};
 use crate::check::Checker;
 use crate::codes;
+use crate::functions::is_standard;
 use crate::syntax::{Expr, Ref, Step};
 use crate::tree::{Base, Kind, Side, Typed, Var};
 use crate::types::{BLOCK_DB, BOOL, CHAR, COUNTER, DINT, TIMER};
@@ -100,6 +101,11 @@ impl<'c> Checker<'c> {
             && let Some(named) = self.own_result(token.span)
         {
             return Some((named, 0));
+        }
+        // A block of the library does not stand before the function of the same name; one of the program does.
+        let is_own = |checker: &Self| checker.block_called(name).is_some_and(|id| checker.world.own.contains(&id));
+        if called && token.kind == TokenKind::Word && is_standard(name) && !is_own(self) {
+            return Some((Named::Function, 0));
         }
         if let Some(named) = self.symbol(name, token.span)? {
             return Some((named, 0));

@@ -131,7 +131,8 @@ pub(crate) fn forced(put: &server::Put) -> Option<Vec<Forced>> {
         _ => Width::Byte,
     };
     let elements = put.bytes.chunks(width.bytes().max(1) as usize).zip(0..);
-    let cell = |(bytes, index)| Forced { area, bit: start + index * u32::from(width.bits()), width, value: number(bytes) };
+    let cell =
+        |(bytes, index)| Forced { area, bit: start + index * u32::from(width.bits()), width, value: number(bytes) };
     Some(elements.map(cell).collect())
 }
 

@@ -6,7 +6,8 @@
 //! goes on. ("Programming with STEP 7", 21.3 and 27.1)
 
 use ob1_model::{
-    BREAKPOINTS, BlockId, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, HeldBlock, PASS_WAIT, Point, Resume,
+    BREAKPOINTS, BlockId, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, HeldBlock, PASS_WAIT, Point,
+    Resume,
 };
 use ob1_time::{Instant, Span};
 

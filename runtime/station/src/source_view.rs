@@ -174,6 +174,6 @@ mod tests {
         let said = text(&other, &output.program);
         assert!(said.contains("m1: A I 0.0; // the start button    [I 0.0 \"Start\"]"), "{said}");
         let without = view(&output.program, &Library::new(), &|_| None, Some(Mnemonics::International));
-        assert!(text(&without, &output.program).contains("A     I 0.0"), "{}", text(&without, &output.program));
+        assert!(text(&without, &output.program).contains("A I 0.0"), "{}", text(&without, &output.program));
     }
 }

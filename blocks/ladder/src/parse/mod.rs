@@ -69,7 +69,9 @@ impl<'n> Parser<'n> {
     }
 
     fn wrong<T>(&self, what: &'static str) -> Parsed<T> {
-        Err(Reason { statement: self.here(), what })
+        // What is missing behind the last statement is a fault of that one.
+        let last = self.network.statements.len().saturating_sub(1) as u32;
+        Err(Reason { statement: self.here().min(last), what })
     }
 
     /// Takes the statement if it is this one.

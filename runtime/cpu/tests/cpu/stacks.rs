@@ -45,8 +45,7 @@ fn every_block_that_was_under_way_is_shown_with_its_local_data() {
         let answer = stack(&mut bench, &mut looker, 0);
         assert_eq!(answer.end, DebugEnd::Stopped);
         let way: Vec<_> = answer.held.stack.iter().map(|at| (at.block, at.statement, at.blocks, at.ob)).collect();
-        let expected =
-            [(fc(5), 4, [7, 7], 1), (fb(6), 2, [7, 7], 1), (fb(7), 0, [0, 7], 1), (ob(1), 1, [9, 0], 1)];
+        let expected = [(fc(5), 4, [7, 7], 1), (fb(6), 2, [7, 7], 1), (fb(7), 0, [0, 7], 1), (ob(1), 1, [9, 0], 1)];
         assert_eq!(way, expected);
         assert_eq!((answer.held.accus[..2].to_vec(), answer.held.stack[0].priority), (vec![4, 3], 1));
         assert_eq!(answer.held.start[..3], [0x11, 3, 1], "the start information of OB 1");
@@ -70,9 +69,8 @@ fn every_block_that_was_under_way_is_shown_with_its_local_data() {
 
 #[test]
 fn an_error_organization_block_that_stops_stands_above_what_it_interrupted() {
-    let source = format!(
-        "{PROGRAM}ORGANIZATION_BLOCK OB 121\nBEGIN\nL 8;\nCALL SFC 46;\nL 2;\nEND_ORGANIZATION_BLOCK\n"
-    );
+    let source =
+        format!("{PROGRAM}ORGANIZATION_BLOCK OB 121\nBEGIN\nL 8;\nCALL SFC 46;\nL 2;\nEND_ORGANIZATION_BLOCK\n");
     on_each_engine(|| {
         let (mut bench, mut looker) = stopped(&source, 99);
         let answer = stack(&mut bench, &mut looker, 0);

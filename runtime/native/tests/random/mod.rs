@@ -17,8 +17,8 @@ use ob1_cpu::{
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{
-    Area, BREAKPOINTS, BitAddr, BlockId, BlockKind, Breakpoint, DataType, DebugEnd, DebugOrder, Event, HeldBlock, Interface,
-    Layout, PASS_JOBS, PASS_WAIT, Param, PassEnd, PassOrder, Resume, Section,
+    Area, BREAKPOINTS, BitAddr, BlockId, BlockKind, Breakpoint, DataType, DebugEnd, DebugOrder, Event, HeldBlock,
+    Interface, Layout, PASS_JOBS, PASS_WAIT, Param, PassEnd, PassOrder, Resume, Section,
 };
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
 use ob1_time::{Instant, Span};

@@ -467,17 +467,17 @@ FC 1
 
 Network 1: Pump
   on demand
-│ Start    Motor
-│ E 0.0    A 4.0
-├──┤ ├─────(   )
+│ Start   Motor
+│ E 0.0   A 4.0
+├──┤ ├────(   )
   A 4.0        Motor
   E 0.0        Start
 
 Network 2
 (as statements: statement 3: a value that goes nowhere)
-      L     5;
-      T     MW 2;
-      L     MW 4;
+            L 5;
+            T MW 2;
+            L MW 4;
 ";
         assert_eq!(pages[0].1, expected);
     }

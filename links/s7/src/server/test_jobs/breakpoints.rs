@@ -81,7 +81,10 @@ impl Holds {
 
 impl Connection {
     fn stops(&self) -> impl Iterator<Item = (u8, &Stop)> {
-        self.tests.jobs.iter().filter_map(|job| if let What::Stop(stop) = &job.what { Some((job.id, stop)) } else { None })
+        self.tests
+            .jobs
+            .iter()
+            .filter_map(|job| if let What::Stop(stop) = &job.what { Some((job.id, stop)) } else { None })
     }
 
     fn stop(&mut self, id: u8) -> Option<&mut Stop> {

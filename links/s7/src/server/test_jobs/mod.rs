@@ -215,7 +215,8 @@ impl Connection {
         let is_set = service.sub == sub::TEST_ENABLE;
         if self.is_stop(id) {
             let (job, service) = (id, service.sub);
-            let ending = if is_set { Ending::Set { job, service, made: false } } else { Ending::Unset { job, service } };
+            let ending =
+                if is_set { Ending::Set { job, service, made: false } } else { Ending::Unset { job, service } };
             return Ok(Self::later(self.set(id, is_set)?, Service::Test(ending)));
         }
         match service.sub {
@@ -435,9 +436,7 @@ impl Connection {
             Ending::Blinks => vec![self.test_done(reference, sub::TEST_BLINK)],
             Ending::Resets => vec![match reply {
                 Reply::Done => self.test_done(reference, sub::TEST_RESET),
-                Reply::Refused(Code::PROTECTED) => {
-                    self.test_refused(reference, sub::TEST_RESET, Code::TEST_PROTECTED)
-                }
+                Reply::Refused(Code::PROTECTED) => self.test_refused(reference, sub::TEST_RESET, Code::TEST_PROTECTED),
                 _ => self.test_refused(reference, sub::TEST_RESET, Code::TEST_NOT_IN_RUN),
             }],
             Ending::Stack { service, place } => self.stack_came(reference, service, place, reply),

@@ -22,7 +22,13 @@ impl Connection {
         Ok(Self::later(Ask::Debug(DebugOrder::Stack { level: 0 }), of(service.sub, place)))
     }
 
-    pub(super) fn stack_came(&mut self, reference: u16, service: u8, place: Option<Place>, reply: Reply) -> Vec<Vec<u8>> {
+    pub(super) fn stack_came(
+        &mut self,
+        reference: u16,
+        service: u8,
+        place: Option<Place>,
+        reply: Reply,
+    ) -> Vec<Vec<u8>> {
         let held = match reply {
             Reply::Debug(DebugAnswer { end: DebugEnd::Held | DebugEnd::Stopped, held }) => held,
             Reply::Debug(_) => return vec![self.test_refused(reference, service, Code::TEST_NOT_IN_RUN)],

@@ -334,7 +334,10 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     let index = (r.a1 & 0xFF) as usize;
                     let target = targets[index.min(targets.len() - 1)];
                     // The jump that it takes runs, too.
-                    if WATCHES && index + 1 < targets.len() && let Some(watched) = &watched {
+                    if WATCHES
+                        && index + 1 < targets.len()
+                        && let Some(watched) = &watched
+                    {
                         cx.next_statement(watched.run(), (pc + index) as u32, &r)?;
                     }
                     jump!(target);
