@@ -109,6 +109,6 @@ pub enum DebugEnd {
 pub struct DebugAnswer {
     /// How the order has ended.
     pub end: DebugEnd,
-    /// Where it holds. In STOP, for who asks for the stacks: where the program has stopped, an empty stack if it has not.
+    /// Where it holds. In STOP, for who asks for the stacks: where the program has stopped; else an empty stack.
     pub held: Held,
 }

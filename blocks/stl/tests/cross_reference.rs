@@ -1,6 +1,8 @@
 //! The cross-reference has no holes: whatever a statement of the examples names is found, in both sets of mnemonics and
 //! through everything that overlaps it. Somebody disconnects a wire on this answer.
 
+#![allow(clippy::disallowed_methods, reason = "the test reads the examples from the disk")]
+
 mod common;
 
 use std::path::{Path, PathBuf};

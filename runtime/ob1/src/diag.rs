@@ -32,7 +32,7 @@ pub struct DiagArgs {
     /// At most so many entries of each buffer
     #[arg(long, short = 'n', value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     pub count: u32,
-    /// The stacks instead: in which blocks the program was when the CPU went to STOP or HOLD, with registers and local data
+    /// The stacks instead: the blocks the program was in when the CPU went to STOP or HOLD, registers, local data
     #[arg(long, conflicts_with_all = ["cp", "count"])]
     pub stack: bool,
     /// As JSON: {"cpu": [...], "cps": [{name, type, address, driver, entries}]}

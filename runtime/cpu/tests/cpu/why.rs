@@ -183,6 +183,7 @@ fn judge(program: &Program, plant: &mut Plant, memory: &[u8], place: Place, why:
 }
 
 /// `WHY_PROGRAMS` draws so many.
+#[expect(clippy::disallowed_methods, reason = "how many programs a campaign has")]
 #[test]
 fn a_named_bit_the_other_way_changes_the_output() {
     let count = std::env::var("WHY_PROGRAMS").ok().and_then(|count| count.parse().ok()).unwrap_or(PROGRAMS);

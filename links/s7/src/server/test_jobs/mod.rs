@@ -5,6 +5,7 @@
 
 mod breakpoints;
 mod force;
+mod listed;
 mod setup;
 mod stacks;
 mod table;
@@ -14,9 +15,9 @@ mod watch;
 use ob1_model::{Point, Resume, TEST_FUNCTIONS};
 
 use self::breakpoints::{Holds, Stop};
-use self::force::{Forcing, is_force, replacing};
+use self::force::{Forcing, is_force};
 use self::setup::{Begin, LENGTHS, Setup, Trigger};
-use self::telegrams::{MESSAGE, answer, message, named, result};
+use self::telegrams::{MESSAGE, answer, named, result};
 use self::watch::{Seen, Watch};
 use super::service::Service;
 use super::var::{Slot, addresses};
@@ -394,39 +395,6 @@ impl Connection {
             self.forget_aside(stays);
         }
         Self::later(ask, Service::Test(Ending::Deleted { job: id }))
-    }
-
-    /// For each job its function, its number, and whether it is armed; this service too is a job.
-    fn job_list(&self, reference: u16, reply: &Reply) -> Vec<u8> {
-        let own = self.tests.free();
-        let state = |job: &TestJob| match &job.what {
-            What::Stop(stop) => u8::from(stop.is_set()),
-            _ => u8::from(job.asked.is_some() || job.stays.is_some()),
-        };
-        let jobs = self.tests.jobs.iter().map(|job| [job.function, job.id, 0, state(job)]);
-        let forced = if let Reply::Forced(cells) = reply { self.listed(cells) } else { None };
-        let all: Vec<u8> = jobs.chain(forced).chain([[sub::TEST_LIST, own, 0, 0]]).flatten().collect();
-        answer(reference, sub::TEST_LIST, own, Code::DONE, &message(1, &all))
-    }
-
-    fn read_job(&self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
-        let (function, number) = named(service)?;
-        if is_force(function) && number == force::NUMBER {
-            return Ok(Self::later(Ask::Forced, Service::Test(Ending::ForcedJob)));
-        }
-        let id = self.known_job(named(service)?, Code::TEST_NO_JOB)?;
-        let request = self.tests.jobs.iter().find(|job| job.id == id).map_or(&[][..], |job| &job.request);
-        Ok(Step::Answer(answer(reference, sub::TEST_READ, self.tests.free(), Code::DONE, request)))
-    }
-
-    /// `0000`, function and number, then the new request.
-    fn replace(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
-        let (function, number, request) = replacing(service.data)?;
-        if is_force(function) && number == force::NUMBER {
-            return self.force(sub::TEST_REPLACE, function, request);
-        }
-        let id = self.known_job((function, number), Code::TEST_NO_JOB)?;
-        self.set_up(reference, sub::TEST_REPLACE, function, id, request)
     }
 
     /// A service of the test functions has waited for the CPU. `request`: what it has asked.
