@@ -6,6 +6,7 @@
 mod breakpoints;
 mod force;
 mod listed;
+mod results;
 mod setup;
 mod stacks;
 mod table;
@@ -17,11 +18,11 @@ use ob1_model::{Point, Resume, TEST_FUNCTIONS};
 use self::breakpoints::{Holds, Stop};
 use self::force::{Forcing, is_force};
 use self::setup::{Begin, LENGTHS, Setup, Trigger};
-use self::telegrams::{MESSAGE, answer, named, result};
+use self::telegrams::{MESSAGE, answer, named};
 use self::watch::{Seen, Watch};
 use super::service::Service;
 use super::var::{Slot, addresses};
-use super::{Access, Ask, Connection, Control, Job, Put, Reply, Step, Then};
+use super::{Access, Ask, Connection, Control, Put, Reply, Step, Then};
 use crate::Rights;
 use crate::codes::Code;
 use crate::wire::{USERDATA_HEAD, UserData, sub};
@@ -506,13 +507,6 @@ impl Connection {
         }
     }
 
-    /// The job is over: its last message says why.
-    fn ends(&mut self, id: u8, why: Code) {
-        let Some(index) = self.tests.jobs.iter().position(|job| job.id == id) else { return };
-        let job = self.tests.jobs.remove(index);
-        self.push_result(&result(job.function, id, job.trigger.class(), why, &[]), id);
-    }
-
     fn result_came(&mut self, id: u8, request: u64, reply: Reply) {
         let Some(job) = self.tests.find(id) else { return };
         let no_room = reply == Reply::Refused(Code::NOT_NOW);
@@ -551,34 +545,6 @@ impl Connection {
         }
     }
 
-    /// The result of a job.
-    fn fires(&mut self, id: u8, code: Code, data: &[u8]) {
-        let Some(job) = self.tests.find(id) else { return };
-        job.fired = true;
-        let push = result(job.function, id, job.trigger.class(), code, data);
-        if job.once && !job.goes {
-            self.tests.jobs.retain(|job| job.id != id);
-        }
-        self.push_result(&push, id);
-    }
-
-    /// The partner has disabled or deleted the job, and waits for the answer.
-    fn is_ending(&self, id: u8) -> bool {
-        self.queue.iter().any(|job| is_ending(job, id))
-    }
-
-    /// Sends a result: behind the answers that are not out yet, but before that of the service which ends the job.
-    fn push_result(&mut self, telegram: &[u8], id: u8) {
-        if let Some(job) = self.queue.iter_mut().find(|job| is_ending(job, id)) {
-            job.answer.push(telegram.to_vec());
-        } else if self.queue.is_empty() {
-            self.message(telegram);
-        } else {
-            self.queue.push_back(Job { id: self.next, reference: 0, then: None, answer: vec![telegram.to_vec()] });
-            self.next += 1;
-        }
-    }
-
     /// Jobs for which there was no room are armed again.
     pub(super) fn tests_tick(&mut self, now_ms: u64) {
         if !self.tests.holds.again && !self.tests.jobs.iter().any(|job| job.again) {
@@ -594,8 +560,4 @@ impl Connection {
             }
         }
     }
-}
-
-fn is_ending(job: &Job, id: u8) -> bool {
-    matches!(&job.then, Some(Then::Service(Service::Test(ending))) if ending.is_after(id))
 }
