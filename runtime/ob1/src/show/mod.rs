@@ -474,7 +474,7 @@ Network 1: Pump
   E 0.0        Start
 
 Network 2
-(as statements: statement 3: a value that goes nowhere)
+(as statements: statement 3: T without NOP 0)
             L 5;
             T MW 2;
             L MW 4;
