@@ -172,6 +172,8 @@ codes! {
     TEST_JOB = 0xD0A5 "there is no such test job, or it is not enabled";
     /// The job cannot be enabled or disabled.
     TEST_ALWAYS = 0xD0A6 "the job cannot be enabled or disabled";
+    /// A breakpoint is deleted and set anew.
+    TEST_NO_REPLACE = 0xD0A8 "the job cannot be replaced";
     /// The CPU does not give it.
     TEST_NO_ACCESS = 0xD0C1 "access error";
     /// The CPU went to STOP in the pass; what ran until then is told.

@@ -111,6 +111,14 @@ fn a_breakpoint_is_a_job_that_tells_where_the_cpu_holds() {
     desk.hold(DebugEnd::Held);
     assert_eq!(told(&desk.answers())[0].1, 0x0A);
 
+    let replacing = test_data(test_words(0, 1, 0, 0), &[], &[&[0, 0, 0x0A, 2][..], &breakpoint(0, 6)].concat());
+    assert_eq!(told(&desk.test(0x12, &replacing)), [refused(0x12, 3, 0xD0A8)]);
+    // One that is not set: there is nothing to take back.
+    assert_eq!(told(&desk.test(0x0A, &breakpoint(1, 10))), [done(0x0A, 3)]);
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 0x0A, 3))), [refused(0x0D, 4, 0xD0A5)]);
+    assert_eq!(told(&desk.test(0x0F, &about(0x0F, 0x0A, 3))), [done(0x0F, 3)]);
+    assert_eq!(desk.cpu.orders.len(), 2);
+
     // Without breakpoints, and out of HOLD, others may set theirs.
     assert_eq!(told(&desk.test(0x0D, &about(0x0D, 0x0A, 1))), [done(0x0D, 3)]);
     assert_eq!(told(&desk.test(0x0F, &about(0x0F, 0x0A, 2))), [done(0x0F, 2)]);

@@ -368,7 +368,9 @@ impl Joint {
                 Returned::Debug(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
                     let mut answer = job.into_answer();
-                    for block in &mut answer.held.stack {
+                    // Only links speak of machine code; whoever steps through blocks here does not pay for it.
+                    let is_link = !self.config.name.is_empty();
+                    for block in answer.held.stack.iter_mut().filter(|_| is_link) {
                         block.address = facts.address(block.block, block.statement);
                     }
                     self.answer(out.client, out.ticket, Answer::Debug(answer));

@@ -49,12 +49,17 @@ impl Context<'_> {
     /// first.
     #[cold]
     pub fn abandoned(&mut self, at: Caller, r: &Regs) {
-        self.abandoned_caller(at, [r.db.number, r.di.number], Some(r));
+        self.leave_behind(at, [r.db.number, r.di.number], Some(r));
     }
 
     /// The same of a block that has called the one before, with what is in its DB and DI registers.
     #[cold]
-    pub fn abandoned_caller(&mut self, at: Caller, blocks: [u16; 2], innermost: Option<&Regs>) {
+    pub fn abandoned_caller(&mut self, at: Caller, blocks: [u16; 2]) {
+        self.leave_behind(at, blocks, None);
+    }
+
+    /// Of the first one the registers are kept.
+    fn leave_behind(&mut self, at: Caller, blocks: [u16; 2], r: Option<&Regs>) {
         let machine = &mut *self.machine;
         let stacks = &mut machine.stacks;
         // A block for an error may be left without a STOP; the second of two engines tells nothing new.
@@ -63,7 +68,7 @@ impl Context<'_> {
         }
         let Some(block) = self.blocks.plan.blocks.get(at.block as usize) else { return };
         let len = block.local_len as usize;
-        let local = match (stacks.locals.last(), innermost) {
+        let local = match (stacks.locals.last(), r) {
             // Local data of called blocks lie behind those of their callers.
             (Some((before, _)), _) => before.saturating_sub(len),
             (None, Some(r)) => {

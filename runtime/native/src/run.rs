@@ -253,7 +253,7 @@ extern "C" fn safe_point(run: *mut Run, block: u32, statement: u32) -> i32 {
 extern "C" fn abandoned(run: *mut Run, block: u32, statement: u32) -> i32 {
     guarded(run, |parts| {
         let blocks = [parts.regs.db.number, parts.regs.di.number];
-        parts.cx.abandoned_caller(Caller { block, statement }, blocks, None);
+        parts.cx.abandoned_caller(Caller { block, statement }, blocks);
         Ok(ABORTED)
     })
 }
@@ -352,7 +352,7 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
                     return cx.fault_at(at, fault, r).map(|()| FAILED);
                 }
             };
-            code.run(next, Some(at), r, cx).inspect_err(|_| cx.abandoned_caller(at, saved.blocks(), None))?;
+            code.run(next, Some(at), r, cx).inspect_err(|_| cx.abandoned_caller(at, saved.blocks()))?;
             cx.finish(call, &saved, tops, r)
         }
     };

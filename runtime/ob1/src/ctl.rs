@@ -117,8 +117,8 @@ pub fn ctl(args: &CtlArgs) -> Exit {
     }
 }
 
-/// A line from the terminal; none without one.
-fn answer(question: &str) -> Option<String> {
+/// A line from the terminal, in small letters; none without one.
+pub(crate) fn answer(question: &str) -> Option<String> {
     if !std::io::stdin().is_terminal() {
         return None;
     }
@@ -126,6 +126,10 @@ fn answer(question: &str) -> Option<String> {
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).ok()?;
     Some(line.trim().to_lowercase())
+}
+
+pub(crate) fn agrees(answer: &str) -> bool {
+    matches!(answer, "y" | "yes" | "j" | "ja")
 }
 
 fn which_restart(station: &str) -> Option<Command> {
@@ -156,8 +160,7 @@ fn reset(station: &str, yes: bool) -> Exit {
         return Exit::Refused;
     }
     let question = "memory reset: all flags, timers, counters and data blocks lose their values. Go on? y";
-    let agreed = yes || answer(question).is_some_and(|answer| matches!(answer.as_str(), "y" | "yes" | "j" | "ja"));
-    if !agreed {
+    if !yes && !answer(question).is_some_and(|answer| agrees(&answer)) {
         err!("ob1: nothing was reset\n  = answer y on a terminal, or add --yes");
         return Exit::Usage;
     }
@@ -171,7 +174,7 @@ fn newest(station: &str) -> Result<u64, Exit> {
 }
 
 /// Changes the operating state. A change to RUN ends with the first scan, or with the reason why there is none.
-fn change(station: &str, command: Command) -> Exit {
+pub(crate) fn change(station: &str, command: Command) -> Exit {
     match try_change(station, command) {
         Ok(exit) | Err(exit) => exit,
     }

@@ -1,6 +1,6 @@
 //! `ob1 load STATION`: the program follows its sources while the CPU stays in RUN, or goes back to the version before.
 
-use std::io::{self, BufRead as _, IsTerminal as _, Write as _};
+use std::io;
 
 use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
@@ -8,6 +8,7 @@ use ob1_station::access::protocol::Op;
 use ob1_station::download::{LoadOrder, LoadStatus};
 use ob1_stl::Library;
 
+use crate::ctl::{agrees, answer};
 use crate::diff;
 use crate::exit::Exit;
 
@@ -115,12 +116,8 @@ fn show(args: &LoadArgs, told: &LoadStatus) -> Result<(), AccessError> {
 
 /// The answer of whoever sits there.
 fn is_wanted() -> Result<bool, AccessError> {
-    if !io::stdin().is_terminal() {
-        return Err(refused("nobody is there to ask\n  = --yes loads without asking, --check only shows"));
-    }
-    says!("load it (y/n)? ");
-    io::stdout().flush()?;
-    let mut answer = String::new();
-    io::stdin().lock().read_line(&mut answer)?;
-    Ok(matches!(answer.trim(), "y" | "Y" | "j" | "yes" | "ja"))
+    let given = answer("load it (y/n)?");
+    let given =
+        given.ok_or_else(|| refused("nobody is there to ask\n  = --yes loads without asking, --check only shows"))?;
+    Ok(agrees(&given))
 }

@@ -2,9 +2,9 @@
 
 use clap::Args;
 use ob1_model::Command;
-use ob1_station::access::client::{AccessError, Client};
-use ob1_station::access::protocol::Op;
+use ob1_station::access::client::AccessError;
 
+use crate::ctl;
 use crate::exit::Exit;
 use crate::load::{self, LoadArgs};
 
@@ -16,7 +16,7 @@ use crate::load::{self, LoadArgs};
 /// does not name.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  ob1 restart press\n  ob1 restart press --cold\n  ob1 restart press --keep\n  \
-    ob1 restart press --keep --yes\n\nExit codes: 0 restarted, 5 the station does not run, 8 refused: by you or by the \
+    ob1 restart press --keep --yes\n\nExit codes: 0 the first scan has ended, 3 it fell back to STOP (told why), 5 the station does not run, 8 refused: by you or by the \
     sources.\n\nMore: docs/online.md.")]
 pub struct RestartArgs {
     /// A running station: its name or its file
@@ -51,6 +51,5 @@ fn try_restart(args: &RestartArgs) -> Result<Exit, AccessError> {
         let load = LoadArgs { station: args.station.clone(), back: false, yes: args.yes, check: false, json: false };
         load::try_load(&load)?;
     }
-    Client::to_station(&args.station)?.ask(Op::Command { command })?;
-    Ok(Exit::Ok)
+    Ok(ctl::change(&args.station, command))
 }

@@ -95,9 +95,9 @@ impl Connection {
         self.stops().any(|(_, stop)| stop.is_set)
     }
 
-    /// Whether the job is a breakpoint.
-    pub(super) fn is_stop(&self, id: u8) -> bool {
-        self.stops().any(|(other, _)| other == id)
+    /// Whether the breakpoint is set; `None`: the job is none.
+    pub(super) fn is_set(&self, id: u8) -> Option<bool> {
+        self.stops().find(|(other, _)| *other == id).map(|(_, stop)| stop.is_set)
     }
 
     /// The order for all that are set.

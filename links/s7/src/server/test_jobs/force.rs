@@ -2,9 +2,9 @@
 
 use ob1_model::Forced;
 
-use super::setup::{Setup, parts};
+use super::setup::Setup;
 use super::telegrams::{answer, result};
-use super::{Ending, table};
+use super::{Ending, NO_CLASS, table};
 use crate::Rights;
 use crate::codes::{Code, ItemCode};
 use crate::server::service::Service;
@@ -13,8 +13,6 @@ use crate::wire::sub;
 
 /// Its number: connections number their own jobs from 1.
 pub(super) const NUMBER: u8 = 0x80;
-/// Class of its results: it has no trigger.
-const CLASS: u8 = 1;
 
 /// Whether these functions are the same: an S7-300 forces by 07, an S7-400 by 09.
 pub(super) const fn is_force(function: u8) -> bool {
@@ -75,7 +73,7 @@ impl Connection {
             Reply::Done => {
                 let number = if *service == sub::TEST_REPLACE { self.tests.free() } else { NUMBER };
                 let done = answer(reference, *service, number, Code::DONE, &[]);
-                vec![done, result(*function, NUMBER, CLASS, Code::DONE, told)]
+                vec![done, result(*function, NUMBER, NO_CLASS, Code::DONE, told)]
             }
             Reply::Refused(Code::PROTECTED) => vec![self.test_refused(reference, *service, Code::TEST_PROTECTED)],
             _ => vec![self.test_refused(reference, *service, Code::TEST_VARIABLE)],
@@ -107,11 +105,4 @@ impl Connection {
         let function = if self.settings.is_400 { sub::TEST_FORCE } else { sub::TEST_FORCE_300 };
         (!cells.is_empty()).then_some([function, NUMBER, 0, 1])
     }
-}
-
-/// The request that a service for this job carries, behind function and number.
-pub(super) fn replacing(data: &[u8]) -> Result<(u8, u8, &[u8]), Code> {
-    let (_, data) = parts(data)?;
-    let (&[_, _, function, number], request) = data.split_first_chunk::<4>().ok_or(Code::TEST_DATA)?;
-    Ok((function, number, request))
 }

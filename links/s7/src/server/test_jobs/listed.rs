@@ -1,6 +1,7 @@
 //! The list of jobs, reading one of them, and another one in its place.
 
-use super::force::{self, is_force, replacing};
+use super::force::{self, is_force};
+use super::setup::parts;
 use super::telegrams::{answer, message, named};
 use super::{Ending, NO_CLASS, TestJob, What};
 use crate::codes::Code;
@@ -27,18 +28,23 @@ impl Connection {
         if is_force(function) && number == force::NUMBER {
             return Ok(Self::later(Ask::Forced, Service::Test(Ending::ForcedJob)));
         }
-        let id = self.known_job(named(service)?, Code::TEST_NO_JOB)?;
+        let id = self.known_job((function, number), Code::TEST_NO_JOB)?;
         let request = self.tests.jobs.iter().find(|job| job.id == id).map_or(&[][..], |job| &job.request);
         Ok(Step::Answer(answer(reference, sub::TEST_READ, self.tests.free(), Code::DONE, request)))
     }
 
     /// `0000`, function and number, then the new request.
     pub(super) fn replace(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
-        let (function, number, request) = replacing(service.data)?;
+        let (_, data) = parts(service.data)?;
+        let (&[_, _, function, number], request) = data.split_first_chunk::<4>().ok_or(Code::TEST_DATA)?;
         if is_force(function) && number == force::NUMBER {
             return self.force(sub::TEST_REPLACE, function, request);
         }
         let id = self.known_job((function, number), Code::TEST_NO_JOB)?;
+        // The CPU would hold at the one before until the new one is known.
+        if function == sub::TEST_BREAKPOINT {
+            return Err(Code::TEST_NO_REPLACE);
+        }
         self.set_up(reference, sub::TEST_REPLACE, function, id, request)
     }
 }

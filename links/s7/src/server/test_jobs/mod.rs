@@ -214,12 +214,18 @@ impl Connection {
             return if service.sub == sub::TEST_DELETE { self.end_forcing() } else { Err(Code::TEST_ALWAYS) };
         }
         let id = self.known_job(name, Code::TEST_JOB)?;
-        let is_set = service.sub == sub::TEST_ENABLE;
-        if self.is_stop(id) {
-            let (job, service) = (id, service.sub);
-            let ending =
-                if is_set { Ending::Set { job, service, made: false } } else { Ending::Unset { job, service } };
-            return Ok(Self::later(self.set(id, is_set)?, Service::Test(ending)));
+        if let Some(is_set) = self.is_set(id) {
+            let (job, sub) = (id, service.sub);
+            let ending = match sub {
+                sub::TEST_ENABLE => Ending::Set { job, service: sub, made: false },
+                _ if is_set => Ending::Unset { job, service: sub },
+                sub::TEST_DISABLE => return Err(Code::TEST_JOB),
+                _ => {
+                    self.tests.jobs.retain(|other| other.id != job);
+                    return Ok(Step::Answer(self.test_done(reference, sub)));
+                }
+            };
+            return Ok(Self::later(self.set(job, sub == sub::TEST_ENABLE)?, Service::Test(ending)));
         }
         match service.sub {
             sub::TEST_DISABLE => self.disable(reference, id),
@@ -430,7 +436,10 @@ impl Connection {
             Ending::Listed => vec![self.job_list(reference, &reply)],
             Ending::ForcedJob => vec![self.forced_job(reference, &reply)],
             Ending::SetUp { job, service } => vec![match self.places_came(job, reply, true) {
-                Ok(()) if self.is_stop(job) && self.tests.find(job).is_some_and(|job| job.begin == Begin::AtOnce) => {
+                Ok(())
+                    if self.is_set(job).is_some()
+                        && self.tests.find(job).is_some_and(|job| job.begin == Begin::AtOnce) =>
+                {
                     match self.set(job, true) {
                         Ok(ask) => {
                             self.follow(ask, Service::Test(Ending::Set { job, service, made: true }));

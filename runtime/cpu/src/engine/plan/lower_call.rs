@@ -301,7 +301,7 @@ fn operand_reference(
             if u64::from(at.0) + u64::from(bits) > u64::from(Layout::bits(&param.ty).max(8)) {
                 return Err(wrong(format!("{} is too small for parameter {}", param.name, index + 1)));
             }
-            // STEP 7 hands on a copy, so that a called FC sees nothing of what its caller's caller changes meanwhile.
+            // STEP 7 copies what an FC hands on: a write to the actual parameter by another name does not reach it.
             match formal.elementary {
                 true => RefArg::Copy { place, bits, scratch: take(bits), out },
                 false => RefArg::Param { index: own, at: at.0 },

@@ -95,7 +95,7 @@ impl<const ACCOUNTS: bool> Engine for Reference<ACCOUNTS> {
             && let Some(frame) = self.frames.pop()
         {
             let at = Caller { block: frame.block, statement: frame.pc.saturating_sub(1) };
-            cx.abandoned_caller(at, frame.saved.blocks(), None);
+            cx.abandoned_caller(at, frame.saved.blocks());
         }
         ran
     }
