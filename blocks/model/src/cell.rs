@@ -150,12 +150,22 @@ pub enum CellError {
     NoEntry,
     /// A value that does not fit the cell.
     Value,
+    /// In STOP peripheral outputs are disabled, unless somebody has enabled them.
+    OutputsOff,
 }
 
 impl CellError {
     /// All there are.
-    pub const ALL: [Self; 7] =
-        [Self::Outside, Self::NoDb, Self::ReadOnly, Self::NoTimer, Self::NoModule, Self::NoEntry, Self::Value];
+    pub const ALL: [Self; 8] = [
+        Self::Outside,
+        Self::NoDb,
+        Self::ReadOnly,
+        Self::NoTimer,
+        Self::NoModule,
+        Self::NoEntry,
+        Self::Value,
+        Self::OutputsOff,
+    ];
 
     /// A number for a snapshot or a message, from 1.
     #[must_use]
@@ -167,7 +177,7 @@ impl CellError {
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
-            1..=7 => Some(Self::ALL[code as usize - 1]),
+            1..=8 => Some(Self::ALL[code as usize - 1]),
             _ => None,
         }
     }
@@ -183,6 +193,7 @@ impl fmt::Display for CellError {
             CellError::NoModule => "no module answers there",
             CellError::NoEntry => "no such entry",
             CellError::Value => "the value does not fit",
+            CellError::OutputsOff => "peripheral outputs are disabled in STOP: `ob1 debug`, `outputs on`",
         })
     }
 }

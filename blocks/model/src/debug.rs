@@ -49,6 +49,9 @@ pub enum DebugOrder {
         /// The local data of the block at this place of the stack: 0 is the innermost.
         level: u8,
     },
+    /// In STOP: peripheral outputs can be written, and forced outputs have their values, or no longer. A change of the
+    /// operating state and [`DebugOrder::End`] disable them again. (STEP 7: "Enable Peripheral Outputs")
+    Outputs(bool),
 }
 
 /// A block that runs, or has called another.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use ob1_mc7::{CompiledInterface, Entry, EntryType};
+use ob1_mc7::{CompiledInterface, Entry, EntryType, InterfaceKind};
 use ob1_model::{BlockId, Component, DataType, Field, Interface, Param, Section};
 
 use crate::source::Declarations;
@@ -19,6 +19,14 @@ pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool
             let (a, b) = (of(&mine), of(interface));
             a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| alike(&a.ty, &b.ty))
         })
+}
+
+/// The same of a global data block.
+#[must_use]
+pub(crate) fn agree_data(compiled: &CompiledInterface, components: &[Component]) -> bool {
+    let made = compiled.interface(false).params;
+    compiled.kind != InterfaceKind::Global
+        || made.len() == components.len() && made.iter().zip(components).all(|(a, b)| alike(&a.ty, &b.ty))
 }
 
 /// The same type, except for names.

@@ -71,10 +71,17 @@ impl Project {
     /// Reads what a project says of itself. Damage is noted; what is left is read.
     #[must_use]
     pub fn read(tree: &Tree<'_>, root: &Root) -> Self {
+        Self::read_as(tree, root, None)
+    }
+
+    /// The same, with the code page of its texts where somebody knows better than the project.
+    #[must_use]
+    pub fn read_as(tree: &Tree<'_>, root: &Root, page: Option<CodePage>) -> Self {
         let folder = root.folder.clone();
         let path = |name: &str| format!("{folder}{name}");
         let mut project = Project { folder: folder.clone(), ..Project::default() };
-        match tree.read(&path("Global/Language")).map(|bytes| CodePage::of_language(&bytes)) {
+        let told = tree.read(&path("Global/Language")).map(|bytes| CodePage::of_language(&bytes));
+        match page.map(|page| Some(Some(page))).unwrap_or(told) {
             Some(Some(page)) => project.page = page,
             Some(None) => project.notes.push(Note::warning(
                 path("Global/Language"),

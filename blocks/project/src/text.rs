@@ -48,6 +48,11 @@ impl CodePage {
         Self::of_number(std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()?)
     }
 
+    /// The numbers of all there are.
+    pub fn numbers() -> impl Iterator<Item = u16> {
+        PAGES.iter().map(|(number, _)| *number)
+    }
+
     /// Its number: 1252.
     #[must_use]
     pub const fn number(self) -> u16 {

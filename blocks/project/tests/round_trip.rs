@@ -85,6 +85,20 @@ fn read_all(files: &Files) -> Option<(Project, Vec<Folder>)> {
     Some((project, folders))
 }
 
+/// A STEP 7 on a Windows of another language wrote its own code page into the project.
+#[test]
+fn texts_are_read_in_the_code_page_that_is_asked_for() {
+    let mut files = example().files();
+    files.put("Global/Language", "1\r\n1031\r\n0\r\n1252\r\n850\r\n");
+    let tree = Tree::new(&files);
+    let symbol = |page| {
+        let project = Project::read_as(&tree, &tree.roots()[0], page);
+        project.symbols(&tree, project.choices()[0], &mut Vec::new())[0].name.clone()
+    };
+    assert_eq!(symbol(None), "Íàñîñ âêë");
+    assert_eq!(symbol(CodePage::of_number(1251)), "Насос вкл");
+}
+
 /// Slaves of a GSD file, and one of STEP 7's own catalogue; they come in the order of their addresses.
 #[test]
 fn a_master_system_is_read_with_its_slaves() {

@@ -160,6 +160,7 @@ pub(crate) const fn cell_error(error: CellError) -> StatusCode {
         CellError::ReadOnly => StatusCode::BadNotWritable,
         CellError::NoModule => StatusCode::BadNoCommunication,
         CellError::Value => StatusCode::BadOutOfRange,
+        CellError::OutputsOff => StatusCode::BadInvalidState,
     }
 }
 

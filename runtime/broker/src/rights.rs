@@ -42,6 +42,8 @@ pub(crate) const fn word(order: &DebugOrder) -> Option<&'static str> {
         DebugOrder::Breakpoints(_) => Some("breakpoints"),
         DebugOrder::Hold { resume: Some(_), .. } => Some("leave HOLD"),
         DebugOrder::End => Some("no breakpoints"),
+        DebugOrder::Outputs(true) => Some("peripheral outputs on in STOP"),
+        DebugOrder::Outputs(false) => Some("peripheral outputs off in STOP"),
         DebugOrder::Hold { resume: None, .. } | DebugOrder::Stack { .. } => None,
     }
 }

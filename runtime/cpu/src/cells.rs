@@ -51,8 +51,11 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: Width, value: u32) -> Result
             Some(_) => Ok(()),
         },
         Cell::Peripheral(at) if width != Width::Bit => {
-            let there = m.has_outputs(at / 8, u32::from(width.bits() / 8));
-            if there { Ok(()) } else { Err(CellError::NoModule) }
+            match m.has_outputs(at / 8, u32::from(width.bits() / 8)) {
+                false => Err(CellError::NoModule),
+                true if m.outputs_disabled => Err(CellError::OutputsOff),
+                true => Ok(()),
+            }
         }
         Cell::Timer(n) if width == Width::Word => {
             m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;

@@ -268,6 +268,7 @@ impl Cpu {
         self.point(Point::End);
         let m = &mut self.machine;
         m.put_forced();
+        m.drive_in_stop();
         m.modules.end_scan(m.real());
         self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use ob1_model::{FORCED_300, FORCED_400, Forced, ForcedArea, Width};
 
-use crate::arena::Range;
+use crate::arena::{ArenaByte, Range};
 use crate::machine::Machine;
 use crate::{CellError, Cpu, Family, IoError};
 
@@ -136,6 +136,32 @@ impl Machine {
             let bytes = value.get(4 - usize::from(cell.width.bits() / 8)..).unwrap_or_default();
             // A module that does not answer is told of elsewhere.
             let _ = self.modules.write(cell.bit / 8, bytes);
+        }
+    }
+
+    /// In STOP forced outputs have their values only where the peripheral outputs are enabled. (Programming with STEP 7,
+    /// 20.8.3)
+    pub(crate) fn drive_in_stop(&mut self) {
+        if self.outputs_disabled {
+            return;
+        }
+        for at in 0..self.force.held.count {
+            let cell = self.force.held.cells.get(at).copied().filter(|cell| cell.area == ForcedArea::Output);
+            let Some(cell) = cell else { continue };
+            let bytes = u32::from(cell.width.bits().div_ceil(8));
+            let place = self.memory.outputs.locate(cell.bit / 8, bytes).map(ArenaByte::index);
+            let image = place.and_then(|at| self.memory.bytes.get(at..at + bytes as usize));
+            // A module that does not answer is told of elsewhere.
+            let _ = image.map(|image| self.modules.write(cell.bit / 8, image));
+        }
+        self.drive_forced();
+    }
+
+    /// In STOP: enables the peripheral outputs, or disables them.
+    pub(crate) fn enable_outputs(&mut self, on: bool) {
+        if self.outputs_disabled == on {
+            self.outputs_disabled = !on;
+            self.modules.output_disable(!on);
         }
     }
 

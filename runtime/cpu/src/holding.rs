@@ -165,9 +165,19 @@ impl Machine {
                     self.debugging.forget();
                     if here.is_some() {
                         self.debugging.told = Some(Told::End);
+                    } else if state == OperatingState::Stop {
+                        self.enable_outputs(false);
                     }
                     Some(DebugEnd::Done)
                 }
+                &DebugOrder::Outputs(on) => Some(match (here, state) {
+                    (Some(_), _) => DebugEnd::Held,
+                    (None, OperatingState::Stop) => {
+                        self.enable_outputs(on);
+                        DebugEnd::Done
+                    }
+                    (None, _) => DebugEnd::Runs,
+                }),
                 &DebugOrder::Stack { level } => Some(match (here, state) {
                     (Some(r), _) => {
                         self.show(&mut job.answer.held, blocks, r, level);

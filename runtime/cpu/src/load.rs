@@ -223,6 +223,7 @@ impl Cpu {
             native_caller: None,
             interrupted: None,
             substitute: None,
+            outputs_disabled: true,
             at: None,
             tape: None,
             watching: Watching::default(),

@@ -132,6 +132,8 @@ pub(crate) struct Machine {
     pub(crate) interrupted: Option<Interrupted>,
     /// What SFC 44 has given to the block that an error has interrupted.
     pub(crate) substitute: Option<u32>,
+    /// The CPU is in STOP, and nobody has enabled the peripheral outputs.
+    pub(crate) outputs_disabled: bool,
     /// The statement at which the engine last came to a safe point that was due.
     pub(crate) at: Option<Caller>,
     /// While two engines are compared: what comes from outside, recorded or played back.

@@ -87,6 +87,7 @@ impl Cpu {
                 }
                 self.clear(Start::Cold);
                 self.machine.force.clear();
+                self.machine.enable_outputs(false);
                 self.has_run = false;
                 self.diagnose(Event::MEMORY_RESET, 0, "");
             }
@@ -158,6 +159,7 @@ impl Cpu {
         self.state = OperatingState::Startup;
         self.diagnose(Event::STARTUP, 0, kind.text());
         self.machine.modules.cpu_state(true);
+        self.machine.outputs_disabled = false;
         self.machine.watchdog = Watchdog::default();
         self.machine.standstill = Standstill::watched(self.machine.hot.now, self.state);
         let number = match kind {
@@ -211,5 +213,6 @@ impl Cpu {
         m.memory.slice_mut(outputs).fill(0);
         m.modules.outputs_off();
         m.modules.cpu_state(false);
+        m.outputs_disabled = true;
     }
 }

@@ -149,11 +149,33 @@ impl Session {
                     say!("  {} = {}  ({})", value.item, value.value, value.hex);
                 }
             }
+            "outputs" => self.outputs(rest)?,
             "quit" | "q" => return Ok(Next::Leave(true)),
             "stop" => return Ok(Next::Leave(false)),
             other => say!("there is no command \"{other}\": help lists them"),
         }
         Ok(Next::Prompt)
+    }
+
+    /// Peripheral outputs in STOP.
+    fn outputs(&mut self, wanted: &str) -> Result<(), AccessError> {
+        let enabled = match wanted {
+            "on" => true,
+            "off" => false,
+            _ => {
+                say!("outputs on, or outputs off");
+                return Ok(());
+            }
+        };
+        match self.ask(DebugWanted::Outputs { enabled })?.outcome.as_str() {
+            "done" if enabled => {
+                say!("the peripheral outputs are enabled until `outputs off`, quit or another operating state");
+                say!("  ob1 set writes them; forced outputs have their values");
+            }
+            "done" => say!("the outputs are in their safe state"),
+            _ => say!("only in STOP: in RUN the program drives the outputs, in HOLD they are in their safe state"),
+        }
+        Ok(())
     }
 
     /// Goes on, if it holds, and waits for the next hold.

@@ -69,6 +69,7 @@ struct Asking<'a> {
 impl Asking<'_> {
     /// The answer, and those to the questions it leads to, each with its depth.
     fn all(mut self, asked: &str) -> Result<Vec<(usize, WhyStatus)>, AccessError> {
+        self.runs()?;
         let mut answers = Vec::new();
         let mut open = vec![(0, asked.to_owned(), Inside::default())];
         while let Some((depth, asked, inside)) = open.pop() {
@@ -96,12 +97,31 @@ impl Asking<'_> {
         Ok(answers)
     }
 
-    fn one(&mut self, asked: &str, inside: &Inside) -> Result<WhyStatus, AccessError> {
-        let (station, wait_ms) = (self.args.station.clone(), self.args.wait.millis());
-        let client = match &mut self.client {
+    /// Only a program that runs gives reasons.
+    fn runs(&mut self) -> Result<(), AccessError> {
+        let state = self.client()?.ask(Op::Status)?.status.map(|status| status.state).unwrap_or_default();
+        let station = &self.args.station;
+        match state.as_str() {
+            "STOP" => Err(AccessError::Refused(format!(
+                "{station} is in STOP: no program runs, and outputs are in their safe state\n  = ob1 diag {station} says why"
+            ))),
+            "HOLD" => Err(AccessError::Refused(format!(
+                "{station} is in HOLD: somebody has stopped its program at a breakpoint, and outputs are in their safe state"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    fn client(&mut self) -> Result<&mut Client, AccessError> {
+        Ok(match &mut self.client {
             Some(client) => client,
-            none => none.insert(Client::to_station(&station)?),
-        };
+            none => none.insert(Client::to_station(&self.args.station)?),
+        })
+    }
+
+    fn one(&mut self, asked: &str, inside: &Inside) -> Result<WhyStatus, AccessError> {
+        let wait_ms = self.args.wait.millis();
+        let client = self.client()?;
         // A block has no value.
         let values = client.ask(Op::Get { items: vec![asked.to_owned()] }).ok().and_then(|response| response.values);
         let now = values.and_then(|all| all.first().map(|value| value.value == true)).unwrap_or(false);

@@ -136,3 +136,47 @@ fn without_its_owner_a_cpu_in_hold_goes_to_stop() {
     assert_eq!(station.interrupt().code(), Some(0), "it ends out of HOLD");
     let _ = child.wait();
 }
+
+/// In STOP nobody writes a peripheral output unless somebody has enabled them, and is still there.
+#[test]
+fn peripheral_outputs_are_written_in_stop_while_somebody_has_enabled_them() {
+    let site = Site::new();
+    let station = station(&site, "auto");
+    let write = || site.ob1(&["set", "debugged", "PAB4=16#81"]);
+    let field = ob1_backplane::IoField::open(&station.rundir.join("io")).expect("process I/O");
+    let lamps = || {
+        let mut byte = [0];
+        field.read_outputs(4, &mut byte);
+        byte[0]
+    };
+    let enable = || {
+        let mut command = site.command(program("ob1"));
+        command.args(["debug", "debugged"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("ob1 starts")
+    };
+    write().fine();
+    let mut child = enable();
+    tell(&mut child, "outputs on\nquit\n");
+    let said = String::from_utf8(child.wait_with_output().expect("it ends").stdout).expect("text");
+    assert!(said.contains("only in STOP: in RUN the program drives the outputs"), "{said}");
+    for killed in [true, false] {
+        site.ob1(&["ctl", "debugged", "stop"]).fine();
+        let refused = write();
+        assert!(refused.code == Some(8) && refused.err.contains("`ob1 debug`, `outputs on`"), "{refused:?}");
+        let mut child = enable();
+        tell(&mut child, "outputs on\n");
+        station.until("enabled", |_| (write().code == Some(0)).then_some(()));
+        assert_eq!(lamps(), 0x81);
+        if killed {
+            child.kill().expect("it lives");
+        } else {
+            tell(&mut child, "outputs off\n");
+        }
+        station.until("disabled", |_| (write().code == Some(8)).then_some(()));
+        assert_eq!(lamps(), 0, "safe again");
+        drop(child.stdin.take());
+        child.wait().expect("it ends");
+        site.ob1(&["ctl", "debugged", "run"]).fine();
+        write().fine();
+    }
+    assert_eq!(station.interrupt().code(), Some(0));
+}

@@ -127,6 +127,50 @@ fn slaves_become_a_bus_with_their_gsd_files_and_stay_plain_bytes_without() {
     assert_eq!(site.ob1(&["import", &project, "--out", "x", "--gsd", "nowhere"]).code, Some(2));
 }
 
+/// Blocks out of a CPU with the old project beside them: the sources are those of an import of the project.
+#[test]
+fn blocks_out_of_a_cpu_have_the_names_of_the_old_project() {
+    let site = Site::new();
+    let mut example = step7::example();
+    let of_function = ob1_project::SymbolRow {
+        name: "Hidden".into(),
+        german: "FC     2".into(),
+        international: "FC     2".into(),
+        ty: "FC     2".into(),
+        comment: String::new(),
+    };
+    example.symbols.push(of_function);
+    let project = project(&site, &example.files());
+    // In the CPU the function FC 2 is FC 5 now.
+    let blocks = site.path("blocks");
+    fs::create_dir_all(&blocks).expect("room");
+    for block in &mut example.blocks {
+        if block.id == BlockId::new(BlockKind::Fc, 2) {
+            block.id.number = 5;
+        }
+        let bytes = ob1_project::image_of(block).bytes().expect("short");
+        fs::write(blocks.join(format!("{}{}.mc7", block.id.kind.name(), block.id.number)), bytes).expect("room");
+    }
+    let import = |out: &str, more: &[&str]| {
+        let folder = site.path(out).display().to_string();
+        site.ob1(&[&["import", &more[0], "--out", &folder][..], &more[1..]].concat());
+        let read = |name: &str| text(&site.path(out).join(name));
+        (read("blocks/OB_1.awl"), read("blocks/DB_1.awl"), read("symbols.sdf"), read("report.txt"))
+    };
+    let blocks = blocks.display().to_string();
+    let direct = import("direct", &[&project]);
+    let named = import("named", &[&blocks, "--names-from", &project]);
+    let bare = import("bare", &[&blocks]);
+    assert_eq!((&named.0, &named.1), (&direct.0, &direct.1));
+    let moved = direct.2.replace("FC     2", "FC 5");
+    assert_eq!(named.2, moved, "a symbol goes where its block has gone");
+    assert!(named.3.contains("FC 5: it is the same as FC 2 of the old project"), "{}", named.3);
+    assert!(named.3.contains("4 of 4 blocks have the names of"), "{}", named.3);
+    assert!(bare.0 != direct.0 && bare.1 != direct.1, "{}", bare.0);
+    let refused = site.ob1(&["import", &project, "--out", "x", "--names-from", &project]);
+    assert!(refused.code == Some(2) && refused.err.contains("it is a project"), "{refused:?}");
+}
+
 #[test]
 fn the_example_runs() {
     let site = Site::new();

@@ -11,6 +11,7 @@ mod debugging;
 mod diag;
 mod engine;
 mod enocean;
+mod fault_walk;
 mod gate;
 mod gate_load;
 mod gate_siege;

@@ -155,20 +155,27 @@ fn a_scan_that_waits_for_its_core_is_told_so_with_what_was_measured() {
 
 #[test]
 fn the_watchdog_says_what_stood_in_the_way() {
+    // On a busy machine the loop may have had the core only for a short time, and then that is rightly what is told.
+    let named = (0..5).any(|_| what_the_watchdog_says().contains("program: OB 1"));
+    assert!(named, "five endless programs, and none was named");
+}
+
+/// What stood in the way of an endless program that the watchdog has ended.
+fn what_the_watchdog_says() -> String {
     let site = Site::new();
     let station = station_with(&site, "100ms", "");
     station.set("M200.2", 1);
     let exceeded = station.until("the cycle that was too long is explained", |station| {
         station.diagnostics().into_iter().find(|entry| entry.event == "3501h" && !entry.because.is_empty())
     });
-    // On a busy machine the loop may have had the core only for a short time.
-    let ours = exceeded.because.contains("program: OB 1") || exceeded.because.contains("for a core");
-    assert!(ours && exceeded.told().ends_with(&exceeded.because), "{exceeded:?}");
-    let worst = timing(&station).late.worst[0].clone();
-    assert!(worst.execution_ns >= 100 * MS, "the scan that was ended is in the ledger: {worst:?}");
+    assert!(exceeded.told().ends_with(&exceeded.because), "{exceeded:?}");
+    let late = timing(&station).late;
+    let ended = late.worst.iter().any(|entry| entry.execution_ns >= 100 * MS);
+    assert!(ended, "the scan that was ended is in the ledger: {late:?}");
     let ended = station.interrupt();
     let told = ended.err.lines().filter(|line| line.contains("the cycle that led to STOP: of "));
     assert_eq!(told.count(), 1, "told once: {}", ended.err);
+    exceeded.because
 }
 
 /// Whether all threads of the process are stopped.

@@ -43,8 +43,15 @@ impl Made<'_> {
             (true, _) => Target::Indirect(id.kind, Number::Memory(self.pointer())),
         };
         let pointers = if id.kind.has_instance() { 0 } else { self.bytes.byte() % 5 };
-        let args = (0..pointers).map(|_| Arg::Raw(self.bytes.double())).collect();
+        let args = (0..pointers).map(|_| Arg::Raw(self.raw_pointer())).collect();
         Call { mode, target, instance: None, args }
+    }
+
+    /// Any pointer. One into the local data says how much of it the block has, and that is 64 KiB at most.
+    fn raw_pointer(&mut self) -> u32 {
+        let bits = self.bytes.double();
+        let is_local = Area::from_pointer_code((bits >> 24) as u8) == Some(Area::PreviousLocal);
+        if is_local { bits & 0xFF03_FFFF } else { bits }
     }
 
     fn actuals(&mut self, id: BlockId) -> Vec<Arg> {

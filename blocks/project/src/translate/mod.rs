@@ -289,6 +289,19 @@ impl<'f> Draft<'f> {
                 self.note(id, "its text declares something else than it was compiled with; the compiled form counts");
                 wrong.insert(Of::Block(id), String::new());
             }
+            for data in &output.program.data {
+                let id = BlockId::new(BlockKind::Db, data.number);
+                let Some(compiled) = self.compiled.get(&id).filter(|c| !compiled::agree_data(c, &data.components)) else {
+                    continue;
+                };
+                if wrong.contains_key(&Of::Block(id)) || !from_compiled.insert(id) {
+                    continue;
+                }
+                let shape = compiled::structure(compiled, &data.components, &|_| false);
+                self.shapes.insert(id, shape);
+                self.note(id, "its text declares something else than it was compiled with; the compiled form counts");
+                wrong.insert(Of::Block(id), String::new());
+            }
             if wrong.is_empty() {
                 return;
             }

@@ -81,7 +81,9 @@ wire!(enum Answer {
 });
 wire!(struct Breakpoint { block, statement });
 wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
-wire!(enum DebugOrder { 0 => Breakpoints(list), 1 => Hold { resume, wait }, 2 => End, 3 => Stack { level } });
+wire!(enum DebugOrder {
+    0 => Breakpoints(list), 1 => Hold { resume, wait }, 2 => End, 3 => Stack { level }, 4 => Outputs(enabled),
+});
 wire!(struct HeldBlock { block, statement, blocks, ob, priority, began, address });
 wire!(struct Held { stack, status, accus, addresses, local, start });
 wire!(enum DebugEnd { 0 => Done, 1 => Held, 2 => Runs, 3 => Stopped, 4 => NoStatement(index) });

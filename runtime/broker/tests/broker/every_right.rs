@@ -74,6 +74,7 @@ fn every_ask() -> Vec<Ask> {
         Ask::Debug(DebugOrder::Hold { resume: Some(Resume::Run), wait: 1000 }),
         Ask::Debug(DebugOrder::End),
         Ask::Debug(DebugOrder::Stack { level: 0 }),
+        Ask::Debug(DebugOrder::Outputs(true)),
         point(false, vec![read()]),
         point(false, vec![read(), write()]),
         point(true, vec![write()]),

@@ -5,8 +5,10 @@ use super::common::random::Random;
 use super::common::source::bench_with;
 use super::common::window::Looker;
 use super::common::*;
-use ob1_cpu::{Ask, Cell, CpuConfig, CyclicInterrupt, Family, ForceStep, Group, Module, ModuleSlot, Put, Request};
-use ob1_model::{Area, CellError, Command, Forced, ForcedArea, Width};
+use ob1_cpu::{
+    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Module, ModuleSlot, Put, Request, Returned,
+};
+use ob1_model::{Area, CellError, Command, DebugEnd, DebugOrder, Forced, ForcedArea, Width};
 
 /// A statement that writes somewhere in the first 8 bytes of an area, in one of the ways there are.
 fn write(random: &mut Random) -> String {
@@ -209,4 +211,81 @@ fn it_ends_with_an_empty_list_or_a_memory_reset_and_outlasts_a_restart() {
     assert_eq!(bench.cpu.force(&[cell("IB0=16#44"), cell("MB1=1")]), 1);
     bench.run();
     assert_eq!(bench.mb(0), 0x44);
+}
+
+/// In STOP: a peripheral output is written, and what becomes of it.
+fn write_output(bench: &mut Bench, link: &mut Looker) -> Result<(), CellError> {
+    let put = Put::Value(Cell::Peripheral(3 * 8), Width::Byte, 0x7E);
+    link.link.write(Group::new(1, vec![put]).expect("small")).expect("room");
+    bench.cycle();
+    let Some(Returned::Group(group)) = link.link.take() else { panic!("the group") };
+    group.outcome().map_err(|(_, why)| why)
+}
+
+fn debug(bench: &mut Bench, link: &mut Looker, order: DebugOrder) -> DebugEnd {
+    link.link.debug(DebugJob::new(2, order)).expect("room");
+    bench.cycle();
+    let Some(Returned::Debug(job)) = link.link.take() else { panic!("an answer") };
+    job.into_answer().end
+}
+
+#[test]
+fn in_stop_it_works_and_outputs_are_written_only_while_they_are_enabled() {
+    for family in [Family::S7_300, Family::S7_400] {
+        let io = TestModule::new(8);
+        let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 0), Box::new(io.clone()))];
+        let source = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n";
+        let mut bench = bench_with(source, &[], CpuConfig::of(family), modules);
+        let mut client = bench.cpu.access_client().expect("the first");
+        let mut link = Looker::of(&mut bench.cpu).expect("the first");
+        let outputs = |at: usize| io.look(|seen| seen.outputs[at]);
+        let disabled = || io.look(|seen| std::mem::take(&mut seen.disabled));
+
+        // Before the first start as after a STOP.
+        bench.cpu.request(Command::Stop);
+        assert_eq!(write_output(&mut bench, &mut link), Err(CellError::OutputsOff));
+        bench.cpu.request(Command::Run);
+        bench.cycle();
+        bench.run();
+        assert_eq!(debug(&mut bench, &mut link, DebugOrder::Outputs(true)), DebugEnd::Runs);
+        let mut cells = vec![cell("Q1.2=1"), cell("QW6=16#1234")];
+        if family == Family::S7_400 {
+            cells.push(cell("PQB4=16#99"));
+        }
+        force(&mut bench, &mut client, &cells);
+        let forced = || [outputs(1), outputs(6), outputs(7), outputs(4)];
+        let wanted = [4, 0x12, 0x34, if family == Family::S7_400 { 0x99 } else { 0 }];
+        assert_eq!(forced(), wanted, "in RUN");
+        let rounds =
+            [Some(DebugOrder::Outputs(false)), Some(DebugOrder::End), None].into_iter().flat_map(|end| [end.clone(), end]);
+        for end in rounds {
+            bench.cpu.request(Command::Stop);
+            bench.cycle();
+            bench.cycle();
+            assert_eq!((forced(), write_output(&mut bench, &mut link)), ([0; 4], Err(CellError::OutputsOff)));
+            assert_eq!(debug(&mut bench, &mut link, DebugOrder::Outputs(true)), DebugEnd::Done);
+            bench.cycle();
+            assert_eq!((forced(), outputs(3)), (wanted, 0));
+            assert_eq!((write_output(&mut bench, &mut link), outputs(3)), (Ok(()), 0x7E));
+            assert_eq!(disabled(), [false]);
+            match end {
+                Some(end) => {
+                    assert_eq!(debug(&mut bench, &mut link, end), DebugEnd::Done);
+                    assert_eq!(disabled(), [true]);
+                    assert_eq!(write_output(&mut bench, &mut link), Err(CellError::OutputsOff));
+                }
+                // The start takes it back by itself.
+                None => assert!(disabled().is_empty()),
+            }
+            bench.cpu.request(Command::Warm);
+            bench.cycle();
+            bench.run();
+        }
+        bench.cpu.request(Command::Stop);
+        bench.cycle();
+        assert_eq!(debug(&mut bench, &mut link, DebugOrder::Outputs(true)), DebugEnd::Done);
+        bench.cpu.request(Command::Reset);
+        bench.cycle();
+        assert_eq!((disabled(), write_output(&mut bench, &mut link)), (vec![false, true], Err(CellError::OutputsOff)));
+    }
 }

@@ -1,13 +1,15 @@
 //! HOLD: breakpoints and single step, on every engine.
 
 use ob1_cpu::{
-    AccessClient, Answer, Ask, Clock, Command, CpuConfig, DebugJob, ModuleSlot, OperatingState, Request, Returned,
+    AccessClient, Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot, OperatingState,
+    Request, Returned,
 };
 use ob1_model::moment::Moment;
 use ob1_model::{Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, Resume};
 use ob1_time::{Instant, Span};
 
 use crate::common::rack::TestModule;
+use crate::common::random::Random;
 use crate::common::window::Looker;
 use crate::common::{self, Bench, MS, fb, fc, ob, on_each_engine};
 
@@ -24,6 +26,8 @@ struct Device<'a> {
     begun: bool,
     /// Looks at the CPU in HOLD.
     ticks: &'a mut u32,
+    /// Its outputs are safe at every look.
+    module: Option<&'a TestModule>,
 }
 
 const PER_STATEMENT: Span = Span::from_nanos(100);
@@ -60,6 +64,9 @@ impl Clock for Device<'_> {
         self.wait(deadline);
         *self.ticks += 1;
         assert!(*self.ticks < 2000, "it holds for ever");
+        if let Some(module) = self.module {
+            module.look(|seen| assert_eq!(seen.disabled, [true], "safe at once, and told once"));
+        }
         self.serve();
     }
 }
@@ -70,6 +77,7 @@ struct Session {
     looker: Looker,
     seen: Vec<DebugAnswer>,
     ticks: u32,
+    module: Option<TestModule>,
 }
 
 impl Session {
@@ -81,7 +89,7 @@ impl Session {
         let looker = Looker::of(&mut bench.cpu).expect("the first");
         bench.run();
         let client = bench.cpu.access_client().expect("the first");
-        Self { bench, client, looker, seen: Vec::new(), ticks: 0 }
+        Self { bench, client, looker, seen: Vec::new(), ticks: 0, module: None }
     }
 
     fn ask(&mut self, order: DebugOrder) {
@@ -90,6 +98,13 @@ impl Session {
 
     /// A cycle; at each hold the next order of the script is asked.
     fn cycle(&mut self, script: Vec<DebugOrder>) -> OperatingState {
+        let left = self.cycle_of(script);
+        assert!(left.is_none(), "not asked: {left:?}; {:?}", self.seen);
+        self.bench.cpu.state()
+    }
+
+    /// The same; what was not asked.
+    fn cycle_of(&mut self, script: Vec<DebugOrder>) -> Option<Vec<DebugOrder>> {
         let mut script = script;
         let mut device = Device {
             bench_now: &mut self.bench.clock.now,
@@ -98,12 +113,12 @@ impl Session {
             seen: &mut self.seen,
             begun: false,
             ticks: &mut self.ticks,
+            module: self.module.as_ref(),
         };
         let end = self.bench.cpu.cycle(&mut device);
         device.serve();
         self.bench.clock.now = self.bench.clock.now.max(end.next_deadline);
-        assert!(script.is_empty(), "not asked: {script:?}; {:?}", self.seen);
-        end.state
+        (!script.is_empty()).then_some(script)
     }
 
     /// Where it held: block and statement of the innermost, and how deep.
@@ -291,5 +306,71 @@ fn outputs_are_safe_while_it_holds_and_come_back() {
             assert_eq!(seen.disabled, [true, false, true]);
             assert_eq!((seen.states.last(), seen.outputs.as_slice()), (Some(&false), &[0, 0][..]));
         });
+    });
+}
+
+/// Timers, an IEC timer, OB 35, OB 1 with branches and a loop, cycle monitoring of two cycles.
+const TIMED: &str = "ORGANIZATION_BLOCK OB 35\nBEGIN\nL MW 20;\n+ 1;\nT MW 20;\nL T 1;\nT MW 22;\nEND_ORGANIZATION_BLOCK\n\
+    DATA_BLOCK DB 4\nSFB 4\nBEGIN\nEND_DATA_BLOCK\n\
+    FUNCTION FC 5 : VOID\nBEGIN\nL MB 10;\nL 3;\nUW;\nSPZ even;\nL MW 24;\n+ 5;\nT MW 24;\neven: NOP 0;\nEND_FUNCTION\n\
+    ORGANIZATION_BLOCK OB 1\nBEGIN\nL MB 10;\n+ 1;\nT MB 10;\nU M 10.5;\nL S5T#30MS;\nSI T 1;\nL T 1;\nT MW 30;\n\
+    U M 10.6;\nL S5T#2S;\nSE T 2;\nLC T 2;\nT MW 32;\nU T 2;\n= A 4.0;\nU M 10.4;\n= M 40.0;\n\
+    CALL SFB 4, DB 4 (IN := M 40.0, PT := T#150MS, Q := A 4.1, ET := MD 44);\n\
+    CALL FC 5;\nL 3;\nturn: T MW 50;\nL MW 52;\n+ 1;\nT MW 52;\nL MW 50;\nLOOP turn;\nEND_ORGANIZATION_BLOCK\n";
+
+/// 1,000 HOLDs anywhere, short and long: beside a CPU that never held, not a tick is gained or lost.
+#[test]
+fn a_thousand_holds_leave_the_station_as_without_them() {
+    on_each_engine(|| {
+        let module = || TestModule::new(2);
+        let of = |module: &TestModule| {
+            let config = CpuConfig {
+                cyclic: vec![CyclicInterrupt::new(35, MS * 7)],
+                min_cycle: MS * 5,
+                watchdog: MS * 10,
+                ..CpuConfig::default()
+            };
+            let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("do", 4), Box::new(module.clone()))];
+            Session::with(common::source::bench_with(TIMED, &[], config, modules))
+        };
+        let (safe, plain) = (module(), module());
+        let (mut held, mut other) = (of(&safe), of(&plain));
+        held.module = Some(safe.clone());
+        let mut random = Random::new(34);
+        let mut holds = 0;
+        while holds < 1000 {
+            safe.look(|seen| seen.disabled.clear());
+            let block = random.of(&[ob(1), ob(1), fc(5), ob(35)]);
+            held.ask(at(block, random.next(if block == ob(1) { 38 } else { 4 })));
+            held.ask(wait());
+            let looks = random.of(&[0, 1, 3, 30, 300]);
+            held.ticks = 0;
+            let before = held.seen.len();
+            let script = std::iter::repeat_n(wait(), looks).chain([DebugOrder::Breakpoints(vec![]), go(Resume::Run)]);
+            let script = script.collect();
+            let mut left = Some(script);
+            // Not every statement comes in every cycle.
+            for _ in 0..20 {
+                let Some(script) = left else { break };
+                left = held.cycle_of(script);
+                other.cycle(vec![]);
+            }
+            if left.is_some() {
+                held.ask(DebugOrder::Breakpoints(vec![]));
+                held.cycle(vec![]);
+                other.cycle(vec![]);
+            }
+            holds += usize::from(held.seen[before..].iter().any(|answer| answer.end == DebugEnd::Held));
+            let all = |s: &mut Session| {
+                let memory: Vec<u32> = (0..30).map(|word| s.bench.mw(2 * word)).collect();
+                (memory, s.bench.cpu.state(), s.bench.clock.now)
+            };
+            let (mine, theirs) = (all(&mut held), all(&mut other));
+            assert_eq!((&mine.0, mine.1), (&theirs.0, theirs.1), "hold {holds}, {block}, {looks} looks");
+            assert!(mine.2 >= theirs.2);
+            safe.look(|seen| assert_eq!(seen.outputs, plain.look(|seen| seen.outputs.clone())));
+        }
+        let events = held.events();
+        assert!(events.iter().all(|event| [Event::HOLD, Event::HOLD_LEFT].contains(event)), "{events:?}");
     });
 }

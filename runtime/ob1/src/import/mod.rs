@@ -22,7 +22,7 @@ use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, Translation, Tree, Wanted, translate,
+    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SymbolRow, Translation, Tree, Wanted, translate,
 };
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
@@ -47,13 +47,14 @@ pub(crate) use wire::{CpuArgs, Unit};
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
-    ob1 import plant/ --listing FC5\n\n\
+    ob1 import plant/ --listing FC5\n  \
+    ob1 import press/ --names-from old.s7p --out named\n\n\
     Exit codes: 0 the whole program was imported, 1 blocks were left out or the\nstation does not start yet, 2 nothing could be read or written.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
-    /// The project: its folder, its .s7p or .s7l, or a .zip of it
+    /// The project: its folder, its .s7p or .s7l, or a .zip of it; or a folder of blocks out of a CPU (.mc7)
     pub project: PathBuf,
-    /// The program: its name, its CPU's or its station's, STATION/CPU/PROGRAM, or the number of its block folder
+    /// The program (of --names-from, where that is given): its name, its CPU's or its station's, STATION/CPU/PROGRAM, or the number of its block folder
     #[arg(long, value_name = "NAME")]
     pub program: Option<String>,
     /// Where the station is written: a folder that is not there yet, or is empty
@@ -65,6 +66,9 @@ pub struct ImportArgs {
     /// The GSD files of its DP slaves: a folder; with them slaves become [[bus]] and [[module]]
     #[arg(long, value_name = "DIR", requires = "out")]
     pub gsd: Option<PathBuf>,
+    /// Of blocks out of a CPU (.mc7): an old project of the plant, for its names, symbols and comments
+    #[arg(long, value_name = "PROJECT", requires = "out")]
+    pub names_from: Option<PathBuf>,
     /// Draw the networks, too: drawings/FC_5.txt beside the blocks
     #[arg(long, requires = "out")]
     pub drawings: bool,
@@ -77,9 +81,19 @@ pub struct ImportArgs {
     /// Mnemonics of the sources that are made
     #[arg(long, value_enum, default_value_t = crate::language::Language::Auto, hide_default_value = true)]
     pub mnemonics: crate::language::Language,
+    /// The Windows code page of the project's texts, if they come out wrong: 1251
+    #[arg(long, value_name = "NUMBER", value_parser = code_page)]
+    pub code_page: Option<CodePage>,
     /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files, errors
     #[arg(long)]
     pub json: bool,
+}
+
+fn code_page(text: &str) -> Result<CodePage, String> {
+    text.parse().ok().and_then(CodePage::of_number).ok_or_else(|| {
+        let numbers: Vec<String> = CodePage::numbers().map(|number| number.to_string()).collect();
+        format!("it is one of {}", numbers.join(", "))
+    })
 }
 
 /// The set of mnemonics of what is made, if none is asked for.
@@ -114,7 +128,12 @@ pub fn import(args: &ImportArgs) -> ImportExit {
 }
 
 /// The projects at a place, and the titles of their programs.
-fn projects(path: &Path, source: &dyn FileSource, tree: &Tree<'_>) -> Result<(Vec<Project>, Vec<String>), String> {
+fn projects(
+    path: &Path,
+    source: &dyn FileSource,
+    tree: &Tree<'_>,
+    page: Option<CodePage>,
+) -> Result<(Vec<Project>, Vec<String>), String> {
     let mut roots = tree.roots();
     // A .s7p stands for its own folder, whatever projects lie below it.
     if disk::is_project_file(path) && roots.iter().any(|root| root.folder.is_empty()) {
@@ -128,7 +147,7 @@ fn projects(path: &Path, source: &dyn FileSource, tree: &Tree<'_>) -> Result<(Ve
             source.paths().into_iter().find_map(other).unwrap_or_default()
         ));
     }
-    let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(tree, root)).collect();
+    let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read_as(tree, root, page)).collect();
     tell_apart(&mut projects, &roots);
     let titles = projects.iter().flat_map(|p| p.choices().into_iter().map(|c| title(p, c, projects.len()))).collect();
     Ok((projects, titles))
@@ -153,14 +172,25 @@ pub(crate) struct OfProject {
 /// # Errors
 /// Why there is none, or which of several must be named.
 pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfProject, String> {
-    let source = disk::open(path)?;
-    let tree = Tree::new(&*source);
-    let (projects, titles) = projects(path, &*source, &tree)?;
-    let taken = take(name, &tree, projects, &titles)?;
-    let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
+    let TakenWith { taken, rows } = taken_of(path, name)?;
     let (_, library, translation) =
         translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1, INTERNATIONAL)?;
     Ok(of_project(&taken, translation.program.clone(), &translation, library))
+}
+
+/// A program of a project with its symbols.
+struct TakenWith {
+    taken: Taken,
+    rows: Vec<SymbolRow>,
+}
+
+fn taken_of(path: &Path, name: Option<&str>) -> Result<TakenWith, String> {
+    let source = disk::open(path)?;
+    let tree = Tree::new(&*source);
+    let (projects, titles) = projects(path, &*source, &tree, None)?;
+    let taken = take(name, &tree, projects, &titles)?;
+    let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
+    Ok(TakenWith { taken, rows })
 }
 
 fn of_project(taken: &Taken, program: Program, translation: &Translation, library: Library) -> OfProject {
@@ -191,9 +221,27 @@ fn translated(
 }
 
 fn run(args: &ImportArgs) -> Result<ImportExit, String> {
+    if let (true, Some(out)) = (is_machine_code(&args.project), &args.out) {
+        let wanted = upload::OfBlocks {
+            title: args.project.display().to_string(),
+            out: (out, args.overwrite),
+            names: args.names_from.as_deref().map(|path| (path, args.program.as_deref())),
+            set: args.mnemonics.or(INTERNATIONAL),
+            json: args.json,
+        };
+        let blocks = block_files::collect(std::slice::from_ref(&args.project))?;
+        return upload::station_of(&wanted, &blocks, BTreeMap::new(), Notes::new());
+    }
+    if args.names_from.is_some() {
+        return Err(format!(
+            "{}: it is a project, which has its own names\n  = --names-from is for blocks out of a CPU: .mc7 files, or \
+             the folder of an `ob1 upload`",
+            args.project.display()
+        ));
+    }
     let source = disk::open(&args.project)?;
     let tree = Tree::new(&*source);
-    let (projects, titles) = projects(&args.project, &*source, &tree)?;
+    let (projects, titles) = projects(&args.project, &*source, &tree, args.code_page)?;
     if args.list {
         return Ok(list(args, &tree, &projects, &titles));
     }

@@ -212,10 +212,13 @@ impl Modules {
         for module in cps {
             self.cp(module, notes);
         }
-        for (input, word) in [(true, "di"), (false, "do")] {
+        for (input, digital, analog) in [(true, "di", "ai"), (false, "do", "ao")] {
             let of = |m: &&Module| if input { m.inputs.clone() } else { m.outputs.clone() };
             for area in merged(plain.iter().flat_map(of)) {
                 let owner = plain.iter().find(|m| of(m).iter().any(|a| a.first == area.first));
+                // What overlaps others is no channels.
+                let channels = owner.is_some_and(|m| is_analog(m) && of(m).contains(&area) && area.bytes % 2 == 0);
+                let word = if channels { analog } else { digital };
                 let (name, comment) = owner.map_or(("module".to_owned(), String::new()), |m| {
                     let (rack, slot, _) = m.place;
                     (format!("{word}-{rack}-{slot}"), format!("{} {}, rack {rack}, slot {slot}", m.name, m.order))
@@ -300,14 +303,15 @@ impl Modules {
             return;
         }
         let name = self.name(name);
+        let (key, count) =
+            if word.starts_with('a') { ("channels", (end - area.first) / 2) } else { ("bytes", end - area.first) };
         let _ = write!(
             self.text,
-            "\n# {}\n[[module]]\ntype = \"{word}\"\nname = \"{name}\"\naddress = {}\nbytes = {}\n",
+            "\n# {}\n[[module]]\ntype = \"{word}\"\nname = \"{name}\"\naddress = {}\n{key} = {count}\n",
             line(comment),
             area.first,
-            end - area.first
         );
-        if word == "di" { self.inputs.push(area) } else { self.outputs.push(area) }
+        if word.ends_with('i') { self.inputs.push(area) } else { self.outputs.push(area) }
     }
 
     /// A name that is not taken yet.
@@ -320,6 +324,12 @@ impl Modules {
         }
         name
     }
+}
+
+/// SM 331 to 336 of an S7-300, SM 431 and 432 of an S7-400: a word a channel.
+fn is_analog(module: &Module) -> bool {
+    const ANALOG: [&str; 7] = ["331", "332", "334", "335", "336", "431", "432"];
+    module.order.strip_prefix("6ES7 ").is_some_and(|rest| ANALOG.iter().any(|number| rest.starts_with(number)))
 }
 
 /// The name of a station, from the first of these that has letters for one.

@@ -6,16 +6,18 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use ob1_ir::Program;
 use ob1_mc7::BlockImage;
-use ob1_project::{CodePage, Folder, Note, Notes};
+use ob1_model::BlockId;
+use ob1_project::{CodePage, Folder, Note, Notes, SymbolRow};
 use ob1_s7::client::jobs::Device;
 use ob1_s7::wire::BlockType;
-use ob1_stl::Library;
+use ob1_station::block_name::parse_block;
+use ob1_stl::{Library, Mnemonics};
 
 use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
-use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, translated};
+use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, taken_of, translated};
 use crate::exit::{DiffExit, ImportExit};
 
 /// The types of blocks a program is made of.
@@ -26,7 +28,8 @@ const PAGE: u16 = 1252;
 /// Make a station of the program of a CPU on the network
 ///
 /// Reads every block of an S7-300 or S7-400 (or of another ob1) over S7 communication, and makes a station of them as
-/// `ob1 import` does. A CPU holds no names: variables are called IN0, OUT0, STAT0. Nothing in the CPU is changed.
+/// `ob1 import` does. A CPU holds no names: variables are called IN0, OUT0, STAT0, unless an old project of the plant
+/// still has them (--names-from). Nothing in the CPU is changed.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 upload 192.168.0.10 --out press\n  ob1 upload 127.0.0.1:10102 --slot 2 --out copy\n\n\
@@ -41,6 +44,12 @@ pub struct UploadArgs {
     /// Write over a station that lies there already
     #[arg(long)]
     pub overwrite: bool,
+    /// An old project of the plant: its names, symbols and comments
+    #[arg(long, value_name = "PROJECT")]
+    pub names_from: Option<PathBuf>,
+    /// The program in that project, as `ob1 import --list` names it
+    #[arg(long, value_name = "NAME", requires = "names_from")]
+    pub program: Option<String>,
     /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
     #[arg(long)]
     pub json: bool,
@@ -72,28 +81,92 @@ pub fn upload(args: &UploadArgs) -> ImportExit {
 
 fn run(args: &UploadArgs) -> Result<ImportExit, String> {
     let mut device = connect(&args.cpu)?;
-    let mut notes = about(&mut device)?;
+    let notes = about(&mut device)?;
     let (blocks, refused) = read(&mut device)?;
-    let folder = Folder::of_upload(blocks.clone());
+    let wanted = OfBlocks {
+        title: format!("CPU {}", args.cpu.host),
+        out: (&args.out, args.overwrite),
+        names: args.names_from.as_deref().map(|path| (path, args.program.as_deref())),
+        set: INTERNATIONAL,
+        json: args.json,
+    };
+    station_of(&wanted, &blocks, refused, notes)
+}
+
+/// A station to make of blocks in machine code.
+pub(super) struct OfBlocks<'a> {
+    /// Where they are from.
+    pub(super) title: String,
+    /// Where it is written, and whether over another.
+    pub(super) out: (&'a Path, bool),
+    /// The old project with their names, and the program in it.
+    pub(super) names: Option<(&'a Path, Option<&'a str>)>,
+    pub(super) set: Mnemonics,
+    pub(super) json: bool,
+}
+
+/// Makes the station; prints what there is to print. `refused`: blocks that were not given.
+pub(super) fn station_of(
+    wanted: &OfBlocks<'_>,
+    blocks: &Blocks,
+    refused: BTreeMap<String, String>,
+    mut notes: Notes,
+) -> Result<ImportExit, String> {
+    let title = &wanted.title;
+    let mut folder = Folder::of_upload(blocks.clone());
     if folder.blocks.is_empty() {
         let why = refused.values().chain(folder.damaged.values()).next().map_or("it has no blocks", String::as_str);
-        return Err(format!("{}: nothing could be read: {why}", args.cpu.host));
+        return Err(format!("{title}: nothing could be read: {why}"));
     }
-    let (replaced, _, mut translation) = translated(&folder, page()?, Vec::new(), INTERNATIONAL)?;
+    let (page, rows) = match wanted.names {
+        Some((path, program)) => old_names(path, program, &mut folder, &mut notes)?,
+        None => (page()?, Vec::new()),
+    };
+    let (symbols, known) = output::symbol_table(&rows);
+    let (replaced, _, mut translation) = translated(&folder, page, known, wanted.set)?;
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
-    let title = format!("CPU {}", args.cpu.host);
-    let named = station::Named { title: &title, name: station_name(&args.out), set: INTERNATIONAL };
+    let named = station::Named { title, name: station_name(wanted.out.0), set: wanted.set };
     let made = station::make(&named, (&folder, &translation), &Hardware::default(), &replaced, &GsdFiles::default());
     notes.extend(replaced.notes.clone());
-    let mut written = output::write((&args.out, args.overwrite), &title, &translation, "", &made, &notes)?;
-    written.files.extend(keep(&args.out, &blocks)?);
-    if args.json {
-        say!("{}", outcome(std::slice::from_ref(&title), Some(&title), &translation, Some(&written)));
+    let mut written = output::write(wanted.out, title, &translation, &symbols, &made, &notes)?;
+    written.files.extend(keep(wanted.out.0, blocks)?);
+    if wanted.json {
+        say!("{}", outcome(std::slice::from_ref(title), Some(title), &translation, Some(&written)));
     } else {
-        says!("{}", report::summary(&title, &translation, &args.out, &written.errors));
+        says!("{}", report::summary(title, &translation, wanted.out.0, &written.errors));
     }
     Ok(exit(&translation, &written))
+}
+
+/// Lays the names of an old project over blocks; its code page, and its symbols as far as they mean the same here.
+fn old_names(
+    path: &Path,
+    program: Option<&str>,
+    folder: &mut Folder,
+    notes: &mut Notes,
+) -> Result<(CodePage, Vec<SymbolRow>), String> {
+    let taken = taken_of(path, program)?;
+    let names = folder.take_names(&taken.taken.folder);
+    let (all, with) = (folder.blocks.keys().filter(|id| !id.kind.is_system()).count(), names.taken.len());
+    notes.push(Note::info("names", format!("{with} of {all} blocks have the names of {}", taken.taken.title)));
+    notes.extend(names.notes);
+    let mut rows = taken.rows;
+    let here = |id: BlockId| names.taken.iter().find(|(_, old)| **old == id).map(|(here, _)| *here);
+    rows.retain_mut(|row| {
+        // A block that the project numbers otherwise, or that is another one here.
+        if let Some(here) = parse_block(&row.ty).and_then(here) {
+            row.ty = here.to_string();
+        }
+        let Some(id) = parse_block(&row.international) else { return true };
+        match here(id) {
+            Some(here) if here != id => (row.german, row.international) = (here.to_string(), here.to_string()),
+            Some(_) => {}
+            None => return id.kind.is_system() || !folder.blocks.contains_key(&id),
+        }
+        true
+    });
+    Ok((taken.taken.project.page, rows))
 }
 
 /// The code page of the texts in uploaded blocks.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::budget::Budget;
 use super::files::Files;
-use super::judge::judge;
+use super::judge::{judge, too_short};
 use super::load::{Generators, Kills};
 use super::measure::{Measurement, Reading, ledgers};
 use super::report::{Report, Role, SOAK_SCHEMA};
@@ -61,6 +61,11 @@ pub(super) fn drive(file: &Path, time: Duration, args: &SoakArgs) -> Result<Repo
         line: LiveLine::new(args.quiet),
         files,
     };
+    if !args.quiet {
+        let span = ob1_time::Span::from_nanos(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+        let short = args.budget.iter().filter_map(|budget| too_short(budget, span, station.cpu.min_cycle));
+        short.for_each(|told| err!("ob1: {told}"));
+    }
     let affinity = &station.realtime.affinity;
     let facts = ob1_rt::system_facts(affinity).iter().map(GrantStatus::from).collect();
     soak.until_run()?;

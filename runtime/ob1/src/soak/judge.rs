@@ -4,10 +4,11 @@ use super::budget::{Budget, Counted, SERIES, What};
 use super::report::{CpLedger, NamedSlope, Report, Role};
 use super::verdict::{Ended, Finding, Verdict};
 use crate::statistics::Percentile;
-use crate::statistics::{BEYOND, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
+use crate::statistics::{BEYOND, SLOPE_HOURS, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
 use crate::units::{amount, time};
 use ob1_station::access::protocol::Diagnostic;
 use ob1_station::timing::Class;
+use ob1_time::Span;
 
 /// Judges a report against its budget, and by how the soak ended.
 pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
@@ -175,6 +176,26 @@ fn of_slope(report: &Report, series: &str, limit: f64) -> Judged {
     let why = if verdict == Verdict::Inconclusive { "the limit lies within the interval: run longer" } else { "" };
     (measured, verdict, why.into())
 }
+
+/// What this time at this cycle cannot show of a budget, whatever happens; `None`: it can.
+pub(super) fn too_short(budget: &Budget, lasts: Span, cycle: Span) -> Option<String> {
+    let (needs, what) = match &budget.what {
+        // One value a scan; of others it is not known how many there will be.
+        What::Percentile(name, share) if PER_SCAN.contains(&name.as_str()) => {
+            let values = needed(*share);
+            (cycle.times(values), format!("{values} scans"))
+        }
+        What::Slope(_) => (Span::from_nanos((SLOPE_HOURS * 3.6e12) as u64), "intervals over 10 min".to_owned()),
+        _ => return None,
+    };
+    (lasts < needs).then(|| {
+        let needs = time(needs.nanos() as f64);
+        format!("{}: it needs {what}, {needs} at this cycle: this soak cannot show it\n  = let it run longer", budget.text)
+    })
+}
+
+/// Distributions with a value in each scan.
+const PER_SCAN: [&str; 6] = ["cycle", "wake", "deadlines", "execution", "inputs", "outputs"];
 
 /// The classes of late scans, the most expensive one first.
 fn causes(report: &Report) -> String {

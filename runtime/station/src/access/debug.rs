@@ -36,6 +36,12 @@ pub enum DebugWanted {
         #[serde(default)]
         level: u8,
     },
+    /// In STOP: enables the peripheral outputs, or disables them. They are disabled again when the operating state
+    /// changes or this client is gone.
+    Outputs {
+        /// Whether they can be written.
+        enabled: bool,
+    },
 }
 
 /// How far a CPU goes on.
@@ -123,6 +129,7 @@ pub(super) fn order(known: &KnownProgram, wanted: &DebugWanted) -> Result<DebugO
         DebugWanted::Go { to, wait_ms } => DebugOrder::Hold { resume: Some((*to).into()), wait: nanos(*wait_ms) },
         DebugWanted::End => DebugOrder::End,
         DebugWanted::Stack { level } => DebugOrder::Stack { level: *level },
+        DebugWanted::Outputs { enabled } => DebugOrder::Outputs(*enabled),
     })
 }
 

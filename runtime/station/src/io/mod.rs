@@ -117,8 +117,7 @@ impl ProcessIo {
             outputs,
             leads,
             substitute,
-            run: false,
-            disabled: false,
+            disabled: true,
             driven: vec![0; usize::from(outputs)],
         }))
     }
@@ -143,16 +142,22 @@ struct IoModule {
     leads: bool,
     /// What its outputs are while the CPU does not drive them; nothing: 0.
     substitute: Vec<u8>,
-    run: bool,
-    /// HOLD: the outputs are in their safe state.
+    /// In STOP and in HOLD: the outputs are in their safe state.
     disabled: bool,
-    /// In HOLD: what the CPU has given them.
+    /// Meanwhile: what the CPU has given them.
     driven: Vec<u8>,
 }
 
 impl IoModule {
     fn inside(len: u16, at: u16, count: usize) -> Result<(), ModuleError> {
         if usize::from(at) + count <= usize::from(len) { Ok(()) } else { Err(ModuleError::Outside) }
+    }
+
+    fn make_safe(&self, shared: &mut Shared) {
+        let substitute = self.substitute.iter().copied().chain(std::iter::repeat(0));
+        for (at, byte) in (self.outputs_at..).zip(substitute.take(usize::from(self.outputs))) {
+            shared.image.write_outputs(at, &[byte]);
+        }
     }
 }
 
@@ -182,10 +187,6 @@ impl Module for IoModule {
 
     fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError> {
         Self::inside(self.outputs, at, from.len())?;
-        // In STOP the CPU writes zeros; the module keeps its substitute values.
-        if !self.run && !self.substitute.is_empty() {
-            return Ok(());
-        }
         if self.disabled {
             self.driven[usize::from(at)..][..from.len()].copy_from_slice(from);
         } else if let Ok(mut shared) = self.shared.try_lock()
@@ -218,18 +219,16 @@ impl Module for IoModule {
             return;
         }
         shared.field.read_outputs(self.outputs_at, &mut self.driven);
-        let substitute = self.substitute.iter().copied().chain(std::iter::repeat(0));
-        for (at, byte) in (self.outputs_at..).zip(substitute.take(usize::from(self.outputs))) {
-            shared.image.write_outputs(at, &[byte]);
-        }
+        self.make_safe(&mut shared);
     }
 
     fn cpu_state(&mut self, run: bool) {
-        (self.run, self.disabled) = (run, false);
+        self.disabled = !run;
+        self.driven.fill(0);
         if let (false, Ok(mut shared)) = (run, self.shared.try_lock())
             && !shared.off
         {
-            shared.image.write_outputs(self.outputs_at, &self.substitute);
+            self.make_safe(&mut shared);
         }
     }
 
@@ -274,6 +273,7 @@ mod tests {
         let mut input = io.module(&config("i", 4, ModuleKind::Inputs { bytes: 2 }), true).expect("process I/O");
         let mut output = io.module(&config("o", 8, ModuleKind::Outputs { bytes: 2 }), false).expect("process I/O");
         let field = io.field().expect("not poisoned");
+        output.cpu_state(true);
         field.write_inputs(0, &[0, 1, 2, 3, 4, 5, 6]);
         let mut bytes = [0; 2];
         input.read(0, &mut bytes).expect("its own bytes");
@@ -315,6 +315,12 @@ mod tests {
             module.write(0, &zeros).expect("its own bytes");
         }
         assert_eq!(outputs(), [0, 0, 0, 0, 0x80, 1], "in STOP");
+        valve.output_disable(false);
+        assert_eq!(outputs(), [0; 6], "enabled");
+        valve.write(1, &[3]).expect("its own byte");
+        assert_eq!(outputs(), [0, 0, 0, 0, 0, 3], "enabled in STOP");
+        valve.output_disable(true);
+        assert_eq!(outputs(), [0, 0, 0, 0, 0x80, 1], "disabled again");
         valve.cpu_state(true);
         valve.write(0, &[7, 7]).expect("its own bytes");
         ob1_backplane::Guardian::beside(&io.shared.lock().expect("not poisoned").image).take_over();
@@ -326,6 +332,7 @@ mod tests {
     fn switched_off_stays_off() {
         let io = ProcessIo::new(IoImage::heap(), Stimulus::default());
         let mut output = io.module(&config("o", 0, ModuleKind::Outputs { bytes: 1 }), true).expect("process I/O");
+        output.cpu_state(true);
         output.write(0, &[7]).expect("its own byte");
         io.switch_off();
         output.write(0, &[7]).expect("accepted, without effect");

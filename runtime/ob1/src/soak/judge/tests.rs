@@ -142,3 +142,20 @@ fn the_end_is_judged_too() {
     let reset = Report { reset_outside: true, ..report(&[(1, 1)], 0) };
     assert_eq!(verdicts(reset, "missed=5").0, Verdict::Inconclusive);
 }
+
+#[test]
+fn what_the_time_cannot_show_is_known_before() {
+    let told = |budget: &str, minutes: u64, cycle: Span| {
+        too_short(&budget.parse().expect(budget), Span::from_secs(60 * minutes), cycle)
+    };
+    let ms = Span::MILLISECOND;
+    // 100,000 scans of 1 ms are 100 s, of 10 ms 1,000 s.
+    assert_eq!(told("wake.p99.99=1ms", 2, ms), None);
+    let said = told("wake.p99.99=1ms", 2, ms.times(10)).expect("too short");
+    assert!(said.contains("100000 scans") && said.contains("wake.p99.99=1ms"), "{said}");
+    assert!(told("rss.slope=1MiB/h", 9, ms).is_some_and(|said| said.contains("10 min")));
+    assert_eq!(told("rss.slope=1MiB/h", 10, ms), None);
+    for budget in ["missed=0", "cycle.max=1s", "ob35.p99.99=1ms"] {
+        assert_eq!(told(budget, 0, ms), None, "{budget}");
+    }
+}
