@@ -40,7 +40,8 @@ impl Resolver<'_> {
                 "the address is a byte number from 0 to 65535"
             };
             let span = span.to(reader.here());
-            match letter_for_digit(reader.slice(span)) {
+            let text = reader.slice(span);
+            match letter_for_digit(text).or_else(|| ninth_bit(text)) {
                 Some(remedy) => reader.sink.report_with(reader.index, span, &codes::ADDRESS, message, remedy),
                 None => reader.report(span, &codes::ADDRESS, message),
             }
@@ -148,6 +149,14 @@ fn letter_for_digit(text: &str) -> Option<String> {
     let (letter, digit) =
         [('O', '0'), ('o', '0'), ('l', '1'), ('I', '1')].into_iter().find(|(l, _)| word.contains(*l))?;
     Some(format!("{word} has the letter {letter}; the digit is {digit}."))
+}
+
+/// `50.8`: whoever counts on in tens.
+fn ninth_bit(text: &str) -> Option<String> {
+    let number = text.trim_start_matches(|c: char| !c.is_ascii_digit()).trim_end();
+    let (byte, bit) = number.split_once('.')?;
+    let byte: u32 = byte.parse().ok().filter(|byte| *byte < BitAddr::MAX_BYTE)?;
+    matches!(bit, "8" | "9").then(|| format!("A byte has the bits 0 to 7: the one behind {byte}.7 is {}.0.", byte + 1))
 }
 
 /// `12.7`.

@@ -164,6 +164,10 @@ pub struct Sink {
     missing: BTreeMap<String, Uses>,
     /// Sources that are not STL: nothing else is reported about them.
     foreign: BTreeSet<usize>,
+    /// Sources with a comment that is not closed.
+    open_comments: BTreeSet<usize>,
+    /// The names of the sources.
+    names: Vec<String>,
     /// Nearest words are looked up for so many findings only: the search is long compared with everything else.
     suggestions_left: u32,
     /// Elementary steps of work so far, see [`Output::steps`](crate::Output::steps).
@@ -172,7 +176,34 @@ pub struct Sink {
 
 impl Sink {
     pub(crate) fn new() -> Self {
-        Self { raw: Vec::new(), missing: BTreeMap::new(), foreign: BTreeSet::new(), suggestions_left: 200, steps: 0 }
+        Self {
+            raw: Vec::new(),
+            missing: BTreeMap::new(),
+            foreign: BTreeSet::new(),
+            open_comments: BTreeSet::new(),
+            names: Vec::new(),
+            suggestions_left: 200,
+            steps: 0,
+        }
+    }
+
+    /// The findings of a run over sources with these names.
+    pub(crate) fn of(names: Vec<String>) -> Self {
+        Self { names, ..Self::new() }
+    }
+
+    /// What a source is called.
+    pub(crate) fn name(&self, file: usize) -> String {
+        self.names.get(file).cloned().unwrap_or_else(|| format!("source {}", file + 1))
+    }
+
+    /// A comment reaches to the end of a source: that nothing behind it is there follows from it.
+    pub(crate) fn open_comment(&mut self, file: usize) {
+        self.open_comments.insert(file);
+    }
+
+    pub(crate) fn has_open_comment(&self, file: usize) -> bool {
+        self.open_comments.contains(&file)
     }
 
     /// A finding with the remedy of its table row.

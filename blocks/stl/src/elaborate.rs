@@ -157,7 +157,7 @@ impl<'e> Elaborator<'e> {
                         first.and_then(|first| Some((first.file, self.files.get(first.file)?.line_of(first.span))));
                     let place = match line {
                         Some((file, line)) if file == block.file => format!(", first in line {line}"),
-                        Some((file, line)) => format!(", first in line {line} of source {}", file + 1),
+                        Some((file, line)) => format!(", first in {}:{line}", self.sink.name(file)),
                         None => String::new(),
                     };
                     let message = format!("{} {} occurs twice{place}", name.0.name(), name.1);

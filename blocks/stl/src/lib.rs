@@ -175,7 +175,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
 /// The same; blocks written in SCL are compiled by `scl`, where one is given.
 #[must_use]
 pub fn compile_with(sources: &[Source], library: &Library, options: &Options, scl: Option<&dyn Statements>) -> Output {
-    let mut sink = Sink::new();
+    let mut sink = Sink::of(sources.iter().map(|source| source.name.clone()).collect());
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();
     let words = [Mnemonics::German, Mnemonics::International].map(Words::new);
     let words = [&words[0], &words[1]];

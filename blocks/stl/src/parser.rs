@@ -397,6 +397,11 @@ impl<'s> Parser<'_, 's> {
             self.sink.report_with(self.index, token.span, &codes::HEAD, message, remedy);
             return self.skip_line();
         }
+        if word == "TITLE" {
+            let remedy = "Write TITLE = and its text.";
+            self.sink.report_with(self.index, token.span, &codes::HEAD, "= is missing after TITLE", remedy);
+            return self.skip_line();
+        }
         // Declarations are read, so that their names are known.
         let opens = word.starts_with("VAR") && self.peek_at(1).is_none_or(|t| t.kind == Kind::Newline);
         let section = if opens { self.sink.nearest(word, Section::WORDS.map(|(_, word)| word)) } else { None };
@@ -562,6 +567,9 @@ impl<'s> Parser<'_, 's> {
                     block.statements.extend(statement);
                 }
             }
+        }
+        if self.sink.has_open_comment(self.index) {
+            return;
         }
         let remedy = format!("Write {end} after the block's last line.");
         self.sink.report_with(self.index, head, &codes::MISSING_END, format!("{end} is missing"), remedy);

@@ -211,7 +211,7 @@ impl World {
             let message = format!("the symbol \"{shown}\" is in no symbol table");
             if let Some(id) = self.names.get(&name.to_uppercase()) {
                 let remedy =
-                    format!("{shown} is the usual name of {id}: for that write CALL {id}, else load the symbol table.");
+                    format!("Load the symbol table that has it; {shown} is also the usual name of {id}: CALL {id}.");
                 return (message, remedy);
             }
             let near = sink.nearest(name, self.symbols.keys().map(String::as_str));

@@ -193,9 +193,11 @@ fn changes(engine: &'static dyn Factory, count: u32, seed: u64) {
     assert!(grown < 200_000, "memory grows: {flat:?}");
 }
 
+/// `OB1_CHANGES=10000`: so many of them.
 #[test]
-fn two_thousand_changes_keep_their_values() {
-    changes(ENGINES[0].1, 2_000, 1);
+fn thousands_of_changes_keep_their_values() {
+    let count = std::env::var("OB1_CHANGES").map_or(2_000, |text| text.parse().expect("a number"));
+    changes(ENGINES[0].1, count, 1);
 }
 
 #[test]

@@ -248,18 +248,30 @@ impl Drop for RunDir {
 
 /// Makes a directory of mode 0700, or checks that the one there is ours and no link.
 fn private_dir(path: &Path) -> Result<(), RunDirError> {
-    match DirBuilder::new().recursive(false).mode(0o700).create(path) {
-        Ok(()) => return Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-        Err(source) => return Err(at(path)(source)),
+    loop {
+        match DirBuilder::new().recursive(false).mode(0o700).create(path) {
+            Ok(()) => return Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(source) => return Err(at(path)(source)),
+        }
+        match is_ours(path) {
+            Ok(true) => return Ok(()),
+            Ok(false) => return Err(RunDirError::Foreign(path.to_owned())),
+            // The janitor of a runtime that was killed has removed it between the two looks.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(source) => return Err(at(path)(source)),
+        }
     }
-    let found = fs::symlink_metadata(path).map_err(at(path))?;
+}
+
+/// Whether this is a directory of this user's; its mode is made 0700.
+fn is_ours(path: &Path) -> io::Result<bool> {
+    let found = fs::symlink_metadata(path)?;
     let ours = found.is_dir() && found.uid() == rustix::process::getuid().as_raw();
     if ours && found.permissions().mode() & 0o077 != 0 {
-        // Ours, but its mode is too wide.
-        fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(at(path))?;
+        fs::set_permissions(path, fs::Permissions::from_mode(0o700))?;
     }
-    if ours { Ok(()) } else { Err(RunDirError::Foreign(path.to_owned())) }
+    Ok(ours)
 }
 
 /// The lock of a directory; `None` while somebody else holds it.
@@ -454,6 +466,24 @@ mod tests {
         assert!(matches!(first.restore(), Err(RunDirError::Running { .. })));
         drop(first);
         assert!(second.socket().exists());
+    }
+
+    #[test]
+    fn who_claims_while_a_janitor_removes_gets_it() {
+        let base = tempfile::tempdir().expect("a directory");
+        let path = base.path().join("s");
+        let over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(std::sync::atomic::Ordering::Relaxed) {
+                    let _ = fs::create_dir(&path).and_then(|()| fs::remove_dir(&path));
+                }
+            });
+            let claims = (0..3000).map(|_| RunDir::claim_in(base.path(), "s").map(drop));
+            let refused = claims.filter_map(Result::err).next();
+            over.store(true, std::sync::atomic::Ordering::Relaxed);
+            assert!(refused.is_none(), "{refused:?}");
+        });
     }
 
     #[test]

@@ -228,7 +228,17 @@ fn what_the_libraries_have_is_no_matter_of_plugins() {
     assert!(said.contains("FC 25: 1 use in 1 file") && said.contains("--library FC25=IEC:FC25"), "{said}");
     assert!(!said.contains("plugin"), "{said}");
     let said = text(&ob1(folder.path(), &["check", "b.awl"]));
-    assert!(said.contains("BLKMOV is the usual name of SFC 20"), "{said}");
+    assert!(said.contains("BLKMOV is also the usual name of SFC 20"), "{said}");
+}
+
+#[test]
+fn a_block_in_two_files_is_told_with_both_places() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let block = "FUNCTION FC 1 : VOID\nBEGIN\nEND_FUNCTION\n";
+    write(folder.path(), "first.awl", &format!("\n{block}"));
+    write(folder.path(), "second.awl", block);
+    let said = text(&ob1(folder.path(), &["check", "first.awl", "second.awl"]));
+    assert!(said.contains("second.awl:1:10: error S0103: FC 1 occurs twice, first in first.awl:2"), "{said}");
 }
 
 #[test]
