@@ -27,6 +27,7 @@ impl Resolver<'_> {
 
     /// A fixed address with the bit part that its width asks for.
     pub(crate) fn fixed(&self, reader: &mut Reader<'_, '_>, width: Width, digits: &str, span: Span) -> Option<BitAddr> {
+        let first = reader.here();
         let at = if width == Width::Bit {
             self.bit_part(reader, digits)
         } else {
@@ -39,7 +40,7 @@ impl Resolver<'_> {
             } else {
                 "the address is a byte number from 0 to 65535"
             };
-            let span = span.to(reader.here());
+            let span = span.to(first).to(reader.here());
             let text = reader.slice(span);
             match letter_for_digit(text).or_else(|| ninth_bit(text)) {
                 Some(remedy) => reader.sink.report_with(reader.index, span, &codes::ADDRESS, message, remedy),
