@@ -113,9 +113,7 @@ impl Asking<'_> {
             let answer = *answer.ok_or_else(|| AccessError::Refused("the station cannot say why".into()))?;
             block += 1;
             let more = block < answer.blocks.len();
-            // Of several blocks the last one that gave the bit the value it has.
-            let rank = |why: &WhyStatus| (why.outcome != "not called", !why.skipped, why.took_effect && why.now == now);
-            if best.as_ref().is_none_or(|best| rank(&answer) >= rank(best)) {
+            if best.as_ref().is_none_or(|best| answer.rank(now) >= best.rank(now)) {
                 best = Some(answer);
             }
             if !more {
