@@ -182,12 +182,12 @@ fn shape(out: &mut String, path: &mut String, shape: &Shape) {
             let (w, h) = ((width - 1) * ACROSS, (height - 1) * DOWN);
             let _ = write!(out, "<rect class=\"sign\" x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/>");
             let from = column + 1 + (width - 2 - title.chars().count()) / 2;
-            // Inside, below the upper edge: a text on the edge is hard to read.
+            // Small, on the upper edge: below a name above the box, and above the pins.
             let _ = write!(
                 out,
-                "<text x=\"{}\" y=\"{}\" dy=\"-5\">{}</text>",
+                "<text x=\"{}\" y=\"{}\" font-size=\"11\">{}</text>",
                 from * ACROSS,
-                row * DOWN + DOWN / 2 + 1,
+                row * DOWN + DOWN / 2 - 2,
                 escaped(title)
             );
         }

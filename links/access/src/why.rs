@@ -6,7 +6,7 @@ use std::ops::Deref;
 
 use ob1_ir::why::{Observed, Skipped, Term};
 use ob1_ir::{BitTest, Call, CodeBlock, Number, Op, Place, Program, Target};
-use ob1_model::{Area, BitAddr, BlockId, Cell, DataType, PASS_STATEMENTS, Pass, PassEnd, PassOrder, Section};
+use ob1_model::{Area, BitAddr, BlockId, Cell, DataType, PASS_STATEMENTS, Pass, PassEnd, PassLine, PassOrder, Section};
 use ob1_stl::{CrossReference, Mnemonics, Reference};
 use serde::{Deserialize, Serialize};
 
@@ -104,6 +104,9 @@ pub struct TermStatus {
     pub turns: bool,
     /// Another statement of the program gives it its value.
     pub is_written: bool,
+    /// Of a name of the block: which pass through it is meant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inside: Option<Inside>,
 }
 
 impl WhyStatus {
@@ -350,7 +353,7 @@ pub fn status<P: Deref<Target = Program>>(
     let observed = Observed { code, lines: &pass.lines, disturbs: &disturbs };
     let caller =
         pass.caller.and_then(|(id, at)| Some((id, find_block(program, id)?.code.get(at as usize)?.line)));
-    let here = Here { known, block, set, first: question.first, caller };
+    let here = Here { known, block, set, first: question.first, caller, lines: &pass.lines };
     let statements: Vec<usize> = statements.iter().filter_map(|at| at.checked_sub(question.first)).collect();
     here.decide(&mut told, &observed, &statements, question);
     Ok(told)
@@ -381,6 +384,8 @@ struct Here<'h, P> {
     first: usize,
     /// Who called it, and the line.
     caller: Option<(BlockId, u32)>,
+    /// What was recorded of its statements.
+    lines: &'h [PassLine],
 }
 
 impl<P: Deref<Target = Program>> Here<'_, P> {
@@ -472,6 +477,18 @@ impl<P: Deref<Target = Program>> Here<'_, P> {
         StatementStatus { place, text: text.unwrap_or_else(|| stmt.op.to_string()) }
     }
 
+    /// A name of this block that the block itself writes, in the instance and from the caller of this pass.
+    fn own_name(&self, test: &BitTest, statement: usize, operand: &str) -> Option<Inside> {
+        let BitTest::Bit(place @ (Place::Instance(_) | Place::Param { .. })) = test else { return None };
+        let writes = |stmt: &ob1_ir::Stmt| stmt.op.writes() && stmt.op.operand().is_some_and(|of| of.place == *place);
+        let is_named = operand.starts_with(&format!("{} #", self.block.id));
+        (is_named && self.block.code.iter().any(writes)).then(|| Inside {
+            ask: operand.to_owned(),
+            db: self.lines.get(statement).map(|line| line.blocks[1]).filter(|db| *db > 0 && self.block.id.kind.has_instance()),
+            from: self.caller.map(|(id, _)| id.to_string()),
+        })
+    }
+
     fn terms(&self, terms: &[Term]) -> Vec<TermStatus> {
         terms.iter().filter_map(|term| self.term(term)).collect()
     }
@@ -498,9 +515,11 @@ impl<P: Deref<Target = Program>> Here<'_, P> {
                 bit: term.bit,
                 turns: term.turns,
                 is_written: test.is_some_and(|test| !self.known.all.writers(&test).is_empty()),
+                inside: None,
             });
         }
-        let is_written = term.written_by.is_some() || !self.known.all.writers(test).is_empty();
+        let inside = self.own_name(test, term.statement, &operand);
+        let is_written = inside.is_some() || term.written_by.is_some() || !self.known.all.writers(test).is_empty();
         let known = matches!(
             test,
             BitTest::Bit(Place::Fixed(Area::Input | Area::Output | Area::Memory, _) | Place::InDb(..))
@@ -509,7 +528,12 @@ impl<P: Deref<Target = Program>> Here<'_, P> {
         );
         Some(TermStatus {
             statement: self.statement(term.statement),
-            ask: if known && is_written { ob1_stl::in_set(&operand, self.set) } else { String::new() },
+            ask: match &inside {
+                Some(inside) => inside.ask.clone(),
+                None if known && is_written => ob1_stl::in_set(&operand, self.set),
+                None => String::new(),
+            },
+            inside,
             operand: named(&operand, symbol, self.set),
             bit: term.bit,
             turns: term.turns,

@@ -55,7 +55,7 @@ function heads() {
   byId("name").textContent = name;
   document.title = `${say(chosen())} · ${name} · ob1`;
   const account = byId("account");
-  account.hidden = !state.session?.user;
+  account.hidden = !(state.session?.users && state.session.user);
   account.textContent = `${say("logout")} (${state.session?.user})`;
   account.onclick = logout;
   const shown = Object.keys(views).filter((key) => key !== "reports" || state.session?.reports);

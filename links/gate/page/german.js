@@ -129,4 +129,39 @@ export const german = {
   "the CPU does not answer: its scan hangs, or its cycle is very long": "Die CPU antwortet nicht: Ihr Zyklus hängt oder ist sehr lang.",
   "wrong name or password": "falscher Name oder falsches Kennwort",
   "too many pages show this station: close another one": "zu viele Seiten zeigen diese Station: schließen Sie eine andere",
+
+  "CALL without NOP 0": "CALL ohne NOP 0", "SPBNB leads elsewhere": "SPBNB führt anderswohin", "T without NOP 0": "T ohne NOP 0",
+  "a branch with one arm": "eine Verzweigung mit einem Arm", "a branch within a branch with its bit": "eine Verzweigung in einer Verzweigung mit ihrem Bit",
+  "a first leg that begins with U": "ein erster Zweig, der mit U beginnt", "a jump leads here": "ein Sprung führt hierher",
+  "a jump over statements": "ein Sprung über Anweisungen", "a leg of one contact behind `O`": "ein Zweig aus einem Kontakt hinter `O`",
+  "a parallel of one leg": "eine Parallelschaltung mit einem Zweig", "a parallel without brackets": "eine Parallelschaltung ohne Klammern",
+  "a second rung": "ein zweiter Strompfad", "a value that goes nowhere": "ein Wert, der nirgends hinführt",
+  "an arm that does not begin at its branch": "ein Arm, der nicht an seiner Verzweigung beginnt", "an arm to a coil without BLD 102": "ein Arm zu einer Spule ohne BLD 102",
+  "another operation at this input": "eine andere Operation an diesem Eingang", "indirect addressing": "indirekte Adressierung",
+  "its ENO does not go on": "sein ENO führt nicht weiter", "its output does not go on": "sein Ausgang führt nicht weiter", "logic behind SAVE": "Verknüpfung hinter SAVE",
+  "logic for no input of a call": "Verknüpfung für keinen Eingang eines Aufrufs", "no BLD 103": "kein BLD 103", "no NOP 0 for an open PV": "kein NOP 0 für ein offenes PV",
+  "no NOP 0 for an open output": "kein NOP 0 für einen offenen Ausgang", "no `)`": "kein `)`", "no `=` before BLD 103": "kein `=` vor BLD 103", "no `U` before BLD 102": "kein `U` vor BLD 102",
+  "no box and no coil": "keine Box und keine Spule", "no coil": "keine Spule", "no comparison": "kein Vergleich", "no counter": "kein Zähler",
+  "no edge behind BLD 100": "keine Flanke hinter BLD 100", "no edge": "keine Flanke", "no element": "kein Element", "no logic begins here": "hier beginnt keine Verknüpfung",
+  "no logic": "keine Verknüpfung", "no timer": "keine Zeit", "no value is loaded": "kein Wert wird geladen", "nothing stands before it": "nichts steht davor",
+  "several T in one box": "mehrere T in einer Box", "the editor would write it otherwise": "der Editor schriebe es anders", "the network ends here": "das Netzwerk endet hier",
+  "too deep": "zu tief", "two values and nothing done with them": "zwei Werte, mit denen nichts geschieht",
+
+  kernel: "PC", timer: "Zeitgeber", "timer late": "Zeitgeber spät", stopped: "angehalten", driver: "Treiber", carried: "übertragen", unexplained: "ungeklärt",
+  "The PC did not give this CPU its core in time; the program is not the cause. Give the station real time ([cpu.realtime]), or take load off the PC: `ob1 check FILE --posture` says what it is granted.": "Der PC gab dieser CPU ihren Kern nicht rechtzeitig; das Programm ist nicht die Ursache. Geben Sie der Station Echtzeit ([cpu.realtime]), oder nehmen Sie Last vom PC: `ob1 check FILE --posture` sagt, was ihr gewährt ist.",
+  "The process was stopped by a signal (SIGSTOP, a debugger): let it run.": "Der Prozess wurde durch ein Signal angehalten (SIGSTOP, ein Debugger): Lassen Sie ihn laufen.",
+  "A block of a plugin took the time: `ob1 ctl NAME recorder` names it.": "Ein Baustein eines Plugins brauchte die Zeit: `ob1 ctl NAME recorder` nennt ihn.",
 };
+
+/** What has figures in it. */
+export const patterns = [
+  [/^statement (\d+): (.*)$/, (number, what) => `Anweisung ${number}: ${german[what] ?? what}`],
+  [/waited ([\d.]+) ms for a core/, (ms) => `${ms} ms auf einen Kern gewartet`],
+  [/scan (\d+) had not ended/, (scan) => `Zyklus ${scan} war nicht zu Ende`],
+  [/woken ([\d.]+) ms after the deadline, of that at most ([\d.]+) ms waiting for a core/, (late, waited) => `${late} ms nach dem Termin geweckt, davon höchstens ${waited} ms auf einen Kern gewartet`],
+  [/scan (\d+) was late as well; this one began at once after it/, (scan) => `Zyklus ${scan} war auch verspätet; dieser begann gleich danach`],
+  [/the CPU quota of its control group was used up for ([\d.]+) ms/, (ms) => `die CPU-Zuteilung der Kontrollgruppe war ${ms} ms lang erschöpft`],
+  [/held by the kernel for ([\d.]+) ms/, (ms) => `${ms} ms vom Kern des Betriebssystems gehalten`],
+  [/(\d+) page faults from the disk/, (count) => `${count} Seitenfehler vom Datenträger`],
+  [/^(.*) is no operand and no symbol of the program/, (name) => `${name} ist kein Operand und kein Symbol des Programms`],
+];

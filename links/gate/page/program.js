@@ -1,14 +1,14 @@
 // The program: a rail of blocks, the code of one as its source, ladder or function plan, live; who uses what.
 import { fill, h, table } from "./kit.js";
 import { ask, state, want } from "./session.js";
-import { say } from "./words.js";
+import { say, told } from "./words.js";
 import { why } from "./why.js";
 
 const VIEWS = ["stl", "lad", "fbd"];
 const chosen = { view: "lad", live: true };
 
 /** Operands that a question can be about, in the code of a line. */
-const OPERANDS = /"[^"]+"(?:\.[\w.[\]]+)?|#\w+|\bDB\s?\d+\.DBX\s?\d+\.[0-7]|\b[EAIQM]\s?\d+\.[0-7]\b|\b[TZC]\s?\d+\b(?!#)/g;
+const OPERANDS = /"[^"]+"(?:\.[\w.[\]]+)?|(?<!\w)#\w+|\bDB\s?\d+\.DBX\s?\d+\.[0-7]|\b[EAIQM]\s?\d+\.[0-7]\b|\b[TZC]\s?\d+\b(?!#)/g;
 
 function code(text, block) {
   const [statement, ...comment] = text.split("//");
@@ -33,7 +33,8 @@ function listing(lines, block) {
     h("td", { class: "code source" }, ...code(text, block), symbols.length ? h("span", { class: "quiet symbol" }, `  ${symbols.join(", ")}`) : null),
     h("td", { class: "code register" }));
   return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": block },
-    h("table", { class: "listing" }, h("tbody", {}, lines.map(row))));
+    h("table", { class: "listing" }, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, say("line")), h("th", { scope: "col" }, say("stl")),
+      h("th", { scope: "col", class: "register" }, say("registers")))), h("tbody", {}, lines.map(row))));
 }
 
 export function program(main) {
@@ -54,16 +55,16 @@ export function program(main) {
     for (const item of lists.querySelectorAll("li")) item.hidden = !item.textContent.toLowerCase().includes(text);
   };
 
-  const find = () => fill(found, () => ask(`xref?operand=${encodeURIComponent(operand.value)}`), (told) => {
+  const find = () => fill(found, () => ask(`xref?operand=${encodeURIComponent(operand.value)}`), (uses) => {
     const row = ([name, block, network, line, access, via]) => [h("code", {}, name),
       h("button", { type: "button", onclick: () => open(block, line, network) }, `${block}, ${say("line")} ${line}`), `${network}`, access, via ?? ""];
-    const list = (possible) => told.uses.filter((use) => use[6] === possible).map(row);
+    const list = (possible) => uses.uses.filter((use) => use[6] === possible).map(row);
     const heads = [say("name"), say("place"), say("network"), say("access"), say("via")];
     const [certain, perhaps] = [list(false), list(true)];
-    return [h("h2", {}, `${say("find")} ${told.operand}`),
+    return [h("h2", {}, `${say("find")} ${uses.operand}`),
       certain.length ? table(heads, certain, say("find")) : h("p", {}, say("unused")),
       ...(perhaps.length ? [h("p", {}, say("perhaps")), table(heads, perhaps, say("perhaps"))] : []),
-      told.more ? h("p", {}, say("more")) : ""];
+      uses.more ? h("p", {}, say("more")) : ""];
   });
 
   const open = (id, line, network) => fill(detail, () => ask(`block?id=${encodeURIComponent(id)}`), (block) => {
@@ -88,8 +89,8 @@ export function program(main) {
     if (block) open(block, given.get("line"), given.get("network"));
     return [h("ul", {}, told.blocks.map((block) => link(block.id, `${block.name ?? ""}`))),
       h("h2", {}, say("data")), h("ul", {}, told.data.map((block) => link(block.id, `${block.name ?? ""}${block.of ? ` (${say("instance")} ${block.of})` : ""}`))),
-      h("h2", {}, say("symbols")), h("ul", { class: "symbols" }, told.symbols.map(([name, address]) => h("li", {},
-        h("button", { type: "button", onclick: () => { operand.value = name; find(); } }, name, " ", h("span", { class: "quiet" }, address)))))];
+      h("h2", {}, say("symbols")), h("ul", { class: "symbols" }, told.symbols.map(([name, address, comment]) => h("li", {},
+        h("button", { type: "button", onclick: () => { operand.value = name; find(); } }, name, " ", h("span", { class: "quiet" }, `${address}${comment ? `: ${comment}` : ""}`)))))];
   });
   return { flow: (told) => shown?.flow(told), leave: () => shown?.leave() };
 }
@@ -113,7 +114,7 @@ function blockView(block, head) {
   const legend = h("p", { class: "legend quiet" }, ["power", "noPower", "notRun"].map((key) => h("span", { class: `key ${key}` }, say(key))));
   const body = h("div", { class: "networks" });
   const element = [head, h("p", { class: "quiet" }, block.source || say("printed")),
-    h("div", { class: "row bar" }, views, canLive ? live : null, block.instances.length > 0 ? instance : null), says, legend, body];
+    h("div", { class: "row bar" }, views, canLive ? live : null, h("button", { type: "button", id: "print", onclick: () => paper() }, say("print")), block.instances.length > 0 ? instance : null), says, legend, body];
   const observer = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) {
       const network = Number(target.dataset.network);
@@ -147,7 +148,7 @@ function blockView(block, head) {
       const lines = ofNetwork(network.number);
       const inside = isDrawn(network) ? [h("div", { class: "drawing" })]
         : network.empty && chosen.view !== "stl" ? [h("p", { class: "quiet" }, say("emptyNetwork"))]
-          : [network.left && chosen.view !== "stl" ? h("p", { class: "quiet" }, say("asStatements", network.left)) : null, listing(lines, block.id)];
+          : [network.left && chosen.view !== "stl" ? h("p", { class: "quiet" }, say("asStatements", told(network.left))) : null, listing(lines, block.id)];
       return h("section", { class: "network", "data-network": network.number }, h("h3", {}, title),
         network.comment && isDrawn(network) ? h("p", { class: "comment quiet" }, network.comment) : null, ...inside.filter(Boolean),
         h("p", { class: "quiet silent", hidden: true }, say("networkSilent")));
@@ -157,6 +158,14 @@ function blockView(block, head) {
     for (const part of body.querySelectorAll(".network")) observer.observe(part);
     says.textContent = "";
     follow();
+  }
+
+  /** All networks are drawn for the printer, in view or not. */
+  async function paper() {
+    for (const target of body.querySelectorAll(".network")) {
+      if (!target.querySelector("svg")) await picture(target, Number(target.dataset.network));
+    }
+    print();
   }
 
   // A network reaches from behind the one before to the line in front of the next.

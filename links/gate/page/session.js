@@ -98,13 +98,13 @@ function hear({ name, data }) {
     return;
   }
   if (name === "status") {
-    state.status = data;
+    state.status = { forced: [], ...data };
     fresh();
     frame.mode();
     frame.remember(data);
   }
   const act = { status: "status", event: "event", table: "heads", values: "values", telegram: "telegram", flow: "flow" }[name];
-  state.view?.[act]?.(data);
+  state.view?.[act]?.(name === "status" ? state.status : data);
 }
 
 function fresh() {

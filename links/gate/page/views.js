@@ -208,9 +208,9 @@ export function scan(main) {
       const timing = await ask("timing");
       const late = timing.late;
       const classes = Object.entries(late.classes).map(([name, total]) =>
-        [name, `${total.scans}`, time(total.time_ns), time(total.worst_ns)]);
+        [told(name), `${total.scans}`, time(total.time_ns), time(total.worst_ns)]);
       const newest = [...late.newest].reverse().slice(0, 20).map((entry) =>
-        [`${entry.scan}`, time(entry.lateness_ns), time(entry.execution_ns), `${entry.class}: ${entry.what}`]);
+        [`${entry.scan}`, time(entry.lateness_ns), time(entry.execution_ns), `${told(entry.class)}: ${told(entry.what)}`]);
       redraw(rest, h("h2", {}, `${say("late")}: ${late.scans}`),
         classes.length ? table([say("cause"), say("count"), say("delay"), say("greatest")], classes, say("cause"))
           : h("p", {}, say("nothingLate")),

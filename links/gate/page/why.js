@@ -41,7 +41,7 @@ function answer(why, deeper) {
     const text = [bit(term.bit), " ", h("span", { class: "code" }, term.operand), " ", h("span", { class: "quiet code" }, term.statement.text),
       decides(term) ? h("strong", { class: "decides" }, ` ◀ ${say("why_decides")}`) : null];
     return h("li", { class: decides(term) ? "decides" : "" }, term.ask && term.is_written
-      ? h("button", { type: "button", class: "term", onclick: () => deeper({ name: term.ask }) }, ...text) : h("span", { class: "term" }, ...text.filter(Boolean)));
+      ? h("button", { type: "button", class: "term", onclick: () => deeper({ name: term.ask, db: term.inside?.db, from: term.inside?.from }) }, ...text) : h("span", { class: "term" }, ...text.filter(Boolean)));
   };
   const elsewhere = why.decisive.filter((term) => !why.terms.some((own) => own.operand === term.operand));
   const terms = [...why.terms, ...elsewhere];

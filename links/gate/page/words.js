@@ -1,5 +1,5 @@
 // The words of the page: English and German, side by side.
-import { german } from "./german.js";
+import { german, patterns } from "./german.js";
 
 const words = {
   skip: ["To the content", "Zum Inhalt"], station: ["Station", "Station"], scan: ["Scan", "Zyklus"],
@@ -92,8 +92,8 @@ const words = {
   perhaps: ["What may reach it: the address is known at run time only.", "Was es erreichen kann: Die Adresse steht erst zur Laufzeit fest."],
   printed: ["without a source: printed from its statements", "ohne Quelle: aus den Anweisungen gedruckt"],
   more: ["and more", "und weitere"], closed: ["Choose a block.", "Wählen Sie einen Baustein."], view: ["View", "Ansicht"],
-  stl: ["STL", "AWL"], lad: ["LAD", "KOP"], fbd: ["FBD", "FUP"], live: ["Live", "Beobachten ein/aus"],
-  emptyNetwork: ["empty", "leer"], asStatements: ["as statements: {0}", "als Anweisungen: {0}"],
+  registers: ["RLO STA ACCU1", "VKE STA AKKU1"], stl: ["STL", "AWL"], lad: ["LAD", "KOP"], fbd: ["FBD", "FUP"], live: ["Live", "Beobachten ein/aus"],
+  print: ["Print", "Drucken"], emptyNetwork: ["empty", "leer"], asStatements: ["as statements: {0}", "als Anweisungen: {0}"],
   power: ["has power", "führt Strom"], noPower: ["has none", "führt keinen"], notRun: ["did not run, or not known", "nicht gelaufen oder nicht bekannt"],
   live_whole: ["Live: OB {0}{1}", "Live: OB {0}{1}"], live_stopped: ["The CPU went to STOP in this pass.", "Die CPU ging in diesem Durchlauf in STOP."],
   live_not_called: ["The block is not called.", "Der Baustein wird nicht aufgerufen."],
@@ -172,6 +172,9 @@ const phrases = Object.entries(german).sort(([one], [other]) => other.length - o
 export function told(text) {
   if (language !== "de" || !text) return text;
   if (german[text]) return german[text];
+  for (const [pattern, words] of patterns) {
+    if (pattern.test(text)) return text.replace(pattern, (_, ...parts) => words(...parts));
+  }
   const found = phrases.find(([english]) => english.length > 8 && text.includes(english));
   return found ? text.replace(found[0], found[1]) : text;
 }

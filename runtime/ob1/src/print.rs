@@ -204,9 +204,9 @@ impl Paper<'_> {
         let say = |english, german| self.args.language.pick(english, german);
         let rows = self.shown.side.program.symbols.iter().map(|symbol| {
             let ty = symbol.ty.as_ref().map_or("", |ty| ty.name());
-            [symbol.name.clone(), symbol.address.clone(), ty.to_owned()]
+            [symbol.name.clone(), symbol.address.clone(), ty.to_owned(), symbol.comment.clone()]
         });
-        table(out, say("Symbols", "Symbole"), [say("Symbol", "Symbol"), say("Address", "Adresse"), say("Type", "Typ")], rows);
+        table(out, say("Symbols", "Symbole"), [say("Symbol", "Symbol"), say("Address", "Adresse"), say("Type", "Typ"), say("Comment", "Kommentar")], rows);
     }
 
     fn references(&self, out: &mut String, all: &CrossReference<&ob1_ir::Program>) {
@@ -263,4 +263,60 @@ fn table<const N: usize>(out: &mut String, title: &str, heads: [&str; N], rows: 
         out.push_str("</tr>\n");
     }
     out.push_str("</tbody></table>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: PrintArgs,
+    }
+
+    fn printed(more: &[&str]) -> String {
+        let folder = tempfile::tempdir().expect("room for a folder");
+        let station = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/stations/press");
+        let file = folder.path().join(if more.contains(&"svg") { "a.svg" } else { "a.html" });
+        let out = file.to_str().expect("a path").to_owned();
+        let rest = more.iter().copied().filter(|word| *word != "svg");
+        let Line { args } = Line::parse_from(["print", station, "-o", &out].into_iter().chain(rest));
+        assert!(matches!(print(&args), Exit::Ok));
+        std::fs::read_to_string(file).expect("it is written")
+    }
+
+    #[test]
+    fn a_whole_program_is_one_document() {
+        let text = printed(&["--language", "de"]);
+        for part in [
+            "<html lang=\"de\">",
+            "<a href=\"#FB20\">",
+            "Netzwerk 1: Keep what was asked for",
+            "The button on, unless the button off is pressed.",
+            "als Anweisungen: statement",
+            "<h2>Querverweise</h2>",
+            "OB 1, network 3",
+            "guard closed",
+            "<h2>Belegungsplan</h2>",
+        ] {
+            assert!(text.contains(part), "{part}");
+        }
+        assert_eq!(text.matches("<svg ").count(), text.matches("</svg>").count());
+        assert!(text.matches("<svg ").count() >= 8, "{}", text.matches("<svg ").count());
+        assert!(!text.contains("http:") || !text.replace("http://www.w3.org/2000/svg", "").contains("http:"));
+        // A contact or coil of each symbol.
+        assert!(text.contains("data-operand=\"A 4.2\""), "the lamp is drawn");
+        let english = printed(&["--mnemonics", "en"]);
+        assert!(english.contains("data-operand=\"Q 4.2\"") && english.contains("Cross reference"));
+    }
+
+    #[test]
+    fn the_drawings_alone_are_one_picture() {
+        let text = printed(&["svg"]);
+        assert!(text.starts_with("<svg ") && text.trim_end().ends_with("</svg>"));
+        assert_eq!(text.matches("<svg ").count(), text.matches("</svg>").count());
+        assert!(text.contains("FB 20, Network 2: Run while the guard is closed"));
+    }
 }

@@ -81,7 +81,7 @@ impl Asking<'_> {
                 let all: Vec<&TermStatus> = if deciding.is_empty() { why.terms.iter().collect() } else { deciding };
                 let next = all.into_iter().filter(|term| !term.ask.is_empty() && term.is_written);
                 let mut next: Vec<(usize, String, Inside)> =
-                    next.map(|term| (depth + 1, term.ask.clone(), Inside::default())).collect();
+                    next.map(|term| (depth + 1, term.ask.clone(), term.inside.clone().unwrap_or_default())).collect();
                 // What the called block does there.
                 next.extend(why.inside.clone().map(|inside| (depth + 1, inside.ask.clone(), inside)));
                 // A block that is not called is asked about one level deeper.

@@ -164,7 +164,7 @@ fn split_path(text: &str) -> Option<(&str, &str)> {
 
 /// An address: whole, or an area, a byte without its bit, a kind of block.
 fn address(text: &str, words: &Words) -> Option<(Wanted, String)> {
-    let whole = Symbol { name: String::new(), address: text.to_owned(), ty: None };
+    let whole = Symbol { address: text.to_owned(), ..Symbol::default() };
     if let Some(found) = of_symbol(&whole, words) {
         return Some(found);
     }

@@ -118,6 +118,6 @@ async fn run(page: Rc<Page>, shown: Shown, to: watch::Sender<String>) {
 async fn one(page: &Page, client: &Client, shown: &Shown) -> Result<Value, Trouble> {
     let insight = page.insight.get(&page.station).await?;
     let Some(order) = shown.order(&insight, WAIT) else { return Ok(json!({ "outcome": "changed" })) };
-    let pass = page.pass(client, order.clone()).await?;
+    let pass = page.pass(client, order).await?;
     Ok(shown.told(&insight, &order, &pass))
 }

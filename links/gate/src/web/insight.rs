@@ -60,7 +60,9 @@ pub(super) struct Insight {
 
 /// The newest one, with the document it was made of.
 #[derive(Debug, Default)]
-pub(super) struct Newest(RefCell<Option<(Arc<[u8]>, Arc<Insight>)>>);
+pub(super) struct Newest(RefCell<Option<Made>>);
+
+type Made = (Arc<[u8]>, Arc<Insight>);
 
 impl Newest {
     /// The program that runs, as far as is known.
@@ -105,6 +107,12 @@ impl Insight {
     /// The block of this name, `FC 1`.
     pub(super) fn block(&self, id: &str) -> Option<&CodeBlock> {
         self.all.program().blocks.iter().find(|block| block.id.to_string() == id)
+    }
+
+    /// What the table of symbols says of one.
+    pub(super) fn comment(&self, name: &str) -> &str {
+        let found = self.all.program().symbols.iter().find(|symbol| symbol.name == name);
+        found.map_or("", |symbol| symbol.comment.as_str())
     }
 
     /// Symbols by address, in the set.

@@ -34,7 +34,7 @@ impl Page {
             .symbols()
             .iter()
             .filter(|(address, _)| of_areas(address) && may(address))
-            .map(|(address, name)| (address.as_str(), [name.as_str(), ""]))
+            .map(|(address, name)| (address.as_str(), [name.as_str(), insight.comment(name)]))
             .collect();
         let welcome = self.station.welcome();
         let image = [welcome.inputs, welcome.outputs];

@@ -51,7 +51,7 @@ fn listed(program: &Program, names: &Names, allowed: &Allowed) -> Value {
     json!({
         "blocks": blocks.into_iter().map(code).collect::<Vec<_>>(),
         "data": seen.map(data).collect::<Vec<_>>(),
-        "symbols": symbols.map(|s| json!([s.name, s.address])).collect::<Vec<_>>(),
+        "symbols": symbols.map(|s| json!([s.name, s.address, s.comment])).collect::<Vec<_>>(),
     })
 }
 

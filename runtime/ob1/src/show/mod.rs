@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ob1_ir::{CodeBlock, Symbol};
+use ob1_ir::CodeBlock;
 use ob1_ladder::svg::{heading, svg};
 use ob1_ladder::tree::Tree;
 use ob1_ladder::{Form, NamesShown, Network, Options, Reason, View, draw, line, read, text};
@@ -415,13 +415,14 @@ fn counted(shown: &Shown, only: Option<BlockId>) -> Counted {
 mod tests {
     use super::*;
     use crate::import::OfProject;
+    use ob1_ir::Symbol;
     use ob1_stl::{Library, Options as Compile, Source, compile};
 
     const TEXT: &str = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nTITLE = Pump\n// on demand\nU E 0.0;\n= A 4.0;\nNETWORK\nL 5;\n\
         T MW 2;\nL MW 4;\nNETWORK\nEND_FUNCTION\n";
 
     fn side(made: BTreeMap<BlockId, (Made, Vec<bool>)>) -> Side {
-        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ty: None };
+        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ..Symbol::default() };
         let symbols = vec![symbol("Start", "I 0.0"), symbol("Motor", "Q 4.0")];
         let library = Library::new();
         let output = compile(&[Source::new("a", TEXT)], &library, &Compile { symbols, ..Compile::default() });
