@@ -223,7 +223,10 @@ function blockView(block, head) {
   function follow() {
     clearTimeout(after);
     after = setTimeout(() => want({ flows: chosen.live && canLive && seen.size > 0 ? [key()] : [] }), 150);
-    if (!chosen.live) { colour({ networks: {}, lines: [] }); says.textContent = ""; }
+    if (!chosen.live) {
+      colour({ networks: {}, lines: [] });
+      says.textContent = "";
+    }
   }
 
   const WORD = { 1: "on", 0: "off" };
@@ -243,7 +246,9 @@ function blockView(block, head) {
     const registers = new Map(told.lines.map((line) => [line[0], line]));
     for (const row of body.querySelectorAll("tr[data-network]")) {
       const line = registers.get(Number(row.dataset.line));
-      const text = line ? `${line[1]} ${line[2]} ${hex(line[3])}` : chosen.live && told.outcome ? "– –" : "";
+      // Of what is out of view nothing is known.
+      const isWatched = seen.has(Number(row.closest(".network")?.dataset.network));
+      const text = line ? `${line[1]} ${line[2]} ${hex(line[3])}` : isWatched && told.outcome ? "– –" : "";
       const cell = row.querySelector(".register");
       if (cell.textContent !== text) cell.textContent = text;
       cell.classList.toggle("on", line?.[1] === 1);

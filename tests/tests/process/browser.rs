@@ -180,7 +180,8 @@ fn log_in(browser: &Browser, user: &str) {
 /// The table of two variables of the example.
 fn watch(browser: &Browser) {
     if browser.run("return location.hash") != "#variables" {
-        browser.click("nav a[href='#variables']");
+        let language = browser.run("return document.documentElement.lang");
+        turn_to(browser, language.as_str().unwrap_or_default(), "variables");
     }
     browser.fill("#names", "MW 20\nDB10.recipe");
     browser.click("#table-watch");

@@ -106,7 +106,7 @@ mod tests {
         let bytes: usize = FILES.iter().map(|file| file.text.len()).sum();
         assert!(bytes <= 250 * 1024, "{bytes} bytes");
         for file in &FILES {
-            for far in ["http:", "https:", "ws:", "//cdn", "@import", "eval(", "innerHTML", " style=\""] {
+            for far in ["http:", "https:", "ws://", "wss:", "//cdn", "@import", "eval(", "innerHTML", " style=\""] {
                 let found = file.text.replace("http://www.w3.org/2000/svg", "").contains(far);
                 assert!(!found, "{}: {far}", file.path);
             }
