@@ -53,7 +53,13 @@ pub(crate) fn sdf(text: &str, sink: &mut Sink) -> Vec<Row> {
                 // The tables of STEP 7 V5 have four columns, the last one the comment.
                 let comment = if fields.len() == 4 && address == 1 { 3 } else { usize::MAX };
                 let field = |at: usize| fields.get(at).map_or("", |f| f.trim_start_matches('%')).to_owned();
-                rows.push(Row { name: field(0), address: field(address), ty: field(ty), comment: field(comment), span });
+                rows.push(Row {
+                    name: field(0),
+                    address: field(address),
+                    ty: field(ty),
+                    comment: field(comment),
+                    span,
+                });
             }
             _ => wrong(span, "a row of an SDF file is written \"name\",\"M 1.0\",\"BOOL\",\"comment\"", sink),
         }

@@ -163,8 +163,11 @@ fn every_operand_of_the_examples_is_found_by_whatever_overlaps_it() {
 }
 
 fn program(text: &str, symbols: &[(&str, &str)]) -> Program {
-    let symbol =
-        |(name, address): &(&str, &str)| ob1_ir::Symbol { name: (*name).into(), address: (*address).into(), ..ob1_ir::Symbol::default() };
+    let symbol = |(name, address): &(&str, &str)| ob1_ir::Symbol {
+        name: (*name).into(),
+        address: (*address).into(),
+        ..ob1_ir::Symbol::default()
+    };
     let options = Options { symbols: symbols.iter().map(symbol).collect(), ..Options::default() };
     let output = compile(&[Source::new("x.awl", text)], &common::library(), &options);
     assert!(output.is_good(), "{:?}", output.diagnostics);

@@ -351,8 +351,7 @@ pub fn status<P: Deref<Target = Program>>(
     let disturbs = |call: &Call, test: &BitTest| disturbs(known.all, call, test);
     let code = block.code.get(question.first..).unwrap_or_default();
     let observed = Observed { code, lines: &pass.lines, disturbs: &disturbs };
-    let caller =
-        pass.caller.and_then(|(id, at)| Some((id, find_block(program, id)?.code.get(at as usize)?.line)));
+    let caller = pass.caller.and_then(|(id, at)| Some((id, find_block(program, id)?.code.get(at as usize)?.line)));
     let here = Here { known, block, set, first: question.first, caller, lines: &pass.lines };
     let statements: Vec<usize> = statements.iter().filter_map(|at| at.checked_sub(question.first)).collect();
     here.decide(&mut told, &observed, &statements, question);
@@ -484,7 +483,11 @@ impl<P: Deref<Target = Program>> Here<'_, P> {
         let is_named = operand.starts_with(&format!("{} #", self.block.id));
         (is_named && self.block.code.iter().any(writes)).then(|| Inside {
             ask: operand.to_owned(),
-            db: self.lines.get(statement).map(|line| line.blocks[1]).filter(|db| *db > 0 && self.block.id.kind.has_instance()),
+            db: self
+                .lines
+                .get(statement)
+                .map(|line| line.blocks[1])
+                .filter(|db| *db > 0 && self.block.id.kind.has_instance()),
             from: self.caller.map(|(id, _)| id.to_string()),
         })
     }

@@ -50,7 +50,7 @@ export function variables(main) {
     const form = has(`form_${type}`) ? `form_${type}` : "form_other";
     const present = h("span", { class: "code" }, before[at] ?? "");
     const field = type === "BOOL"
-      ? { name: "value", label: say("newValue"), value: before[at] === "TRUE" ? "FALSE" : "TRUE", choice: [["TRUE", "TRUE (1)"], ["FALSE", "FALSE (0)"]] }
+      ? { name: "value", label: say("newValue"), value: before[at] === "1" ? "FALSE" : "TRUE", choice: [["TRUE", "TRUE (1)"], ["FALSE", "FALSE (0)"]] }
       : { name: "value", label: say("newValue"), value: lines[at] === name ? before[at] ?? "" : "" };
     dialog({
       title: say("writeName", name), fields: [field], action: say("write"), danger: true,

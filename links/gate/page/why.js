@@ -19,7 +19,8 @@ const place = (statement) => {
 function answer(why, deeper) {
   const name = h("strong", {}, why.operand);
   const block = isBlock(why.operand);
-  const head = why.outcome === "" || block ? h("p", {}, name) : h("p", {}, bit(why.now), " ", name);
+  const about = why.comments?.[why.operand.match(/"([^"]+)"$/)?.[1]];
+  const head = why.outcome === "" || block ? h("p", {}, name) : h("p", {}, bit(why.now), " ", name, about ? `: ${about}` : "");
   const parts = [head];
   if (why.writers.length === 0) {
     parts.push(h("p", {}, say(block ? "why_noCall" : /^[EI] ?\d/.test(why.operand) ? "why_input" : "why_none")));
@@ -36,9 +37,10 @@ function answer(why, deeper) {
   } else if (why.skipped) {
     parts.push(h("p", {}, say("why_unreached")));
   }
+  const comment = (operand) => why.comments?.[operand.match(/"([^"]+)"$/)?.[1]];
   const decides = (term) => why.decisive.some((other) => other.operand === term.operand) || (why.decisive.length === 0 && term.turns);
   const row = (term) => {
-    const text = [bit(term.bit), " ", h("span", { class: "code" }, term.operand), " ", h("span", { class: "quiet code" }, term.statement.text),
+    const text = [bit(term.bit), " ", h("span", { class: "code" }, term.operand), " ", comment(term.operand) ? h("span", { class: "said" }, `${comment(term.operand)} `) : "", h("span", { class: "quiet code" }, term.statement.text),
       decides(term) ? h("strong", { class: "decides" }, ` ◀ ${say("why_decides")}`) : null];
     return h("li", { class: decides(term) ? "decides" : "" }, term.ask && term.is_written
       ? h("button", { type: "button", class: "term", onclick: () => deeper({ name: term.ask, db: term.inside?.db, from: term.inside?.from }) }, ...text) : h("span", { class: "term" }, ...text.filter(Boolean)));

@@ -21,8 +21,10 @@ use crate::show::{Ready, Shown, open};
 /// drawn is printed as statements, with the reason. With a name that ends in .svg the drawings alone, one below the
 /// other.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  ob1 print press -o press.html\n  ob1 print plant.zip --language de -o plant.html\n  \
-    ob1 print press -o press.svg\n\nExit codes: 0 printed, or the program is not there (2).\n\nMore: docs/ladder.md.")]
+#[command(
+    after_help = "Examples:\n  ob1 print press -o press.html\n  ob1 print plant.zip --language de -o plant.html\n  \
+    ob1 print press -o press.svg\n\nExit codes: 0 printed, or the program is not there (2).\n\nMore: docs/ladder.md."
+)]
 pub struct PrintArgs {
     /// The program: a station, a STEP 7 project, a folder of .mc7, or sources
     pub program: PathBuf,
@@ -153,14 +155,24 @@ impl Paper<'_> {
             let (id, name) = (block.id, title(block.id, block.name.as_deref()));
             let _ = write!(out, "<li><a href=\"#{}\">{}</a></li>", anchor(&id.to_string()), escaped(&name));
         }
-        let _ = write!(out, "</ul></nav>\n<h2>{}</h2><pre>{}</pre>\n", say("Call structure", "Aufrufstruktur"), escaped(&all.calls()));
+        let _ = write!(
+            out,
+            "</ul></nav>\n<h2>{}</h2><pre>{}</pre>\n",
+            say("Call structure", "Aufrufstruktur"),
+            escaped(&all.calls())
+        );
         for block in blocks {
             self.block(&mut out, block);
         }
         self.symbols(&mut out);
         self.references(&mut out, &all);
         let assignment = all.assignment().render(self.shown.mnemonics);
-        let _ = write!(out, "<h2>{}</h2><pre>{}</pre>\n</body></html>\n", say("Assignment list", "Belegungsplan"), escaped(&assignment));
+        let _ = write!(
+            out,
+            "<h2>{}</h2><pre>{}</pre>\n</body></html>\n",
+            say("Assignment list", "Belegungsplan"),
+            escaped(&assignment)
+        );
         out
     }
 
@@ -206,7 +218,12 @@ impl Paper<'_> {
             let ty = symbol.ty.as_ref().map_or("", |ty| ty.name());
             [symbol.name.clone(), symbol.address.clone(), ty.to_owned(), symbol.comment.clone()]
         });
-        table(out, say("Symbols", "Symbole"), [say("Symbol", "Symbol"), say("Address", "Adresse"), say("Type", "Typ"), say("Comment", "Kommentar")], rows);
+        table(
+            out,
+            say("Symbols", "Symbole"),
+            [say("Symbol", "Symbol"), say("Address", "Adresse"), say("Type", "Typ"), say("Comment", "Kommentar")],
+            rows,
+        );
     }
 
     fn references(&self, out: &mut String, all: &CrossReference<&ob1_ir::Program>) {
@@ -233,7 +250,8 @@ impl Paper<'_> {
                 let drawing = draw(network, &tree, &self.shown.options(self.form(block)));
                 let heading = format!("{}, {}", block.id, ob1_ladder::svg::heading(network));
                 let _ = write!(parts, "<text x=\"8\" y=\"{}\">{}</text>", top + 16, escaped(&heading));
-                let _ = write!(parts, "<svg y=\"{}\" {}", top + 20, &bare_svg(network, &tree, &drawing)["<svg ".len()..]);
+                let _ =
+                    write!(parts, "<svg y=\"{}\" {}", top + 20, &bare_svg(network, &tree, &drawing)["<svg ".len()..]);
                 let [width, height] = ob1_ladder::svg::size(&drawing);
                 top += height + 28;
                 widest = widest.max(width);

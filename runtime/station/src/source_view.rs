@@ -156,8 +156,11 @@ mod tests {
 
     #[test]
     fn a_block_is_shown_as_its_source_in_its_own_set_and_in_the_other() {
-        let symbol =
-            |name: &str, address: &str| ob1_ir::Symbol { name: name.into(), address: address.into(), ..ob1_ir::Symbol::default() };
+        let symbol = |name: &str, address: &str| ob1_ir::Symbol {
+            name: name.into(),
+            address: address.into(),
+            ..ob1_ir::Symbol::default()
+        };
         let options = ob1_stl::Options { symbols: vec![symbol("Start", "I 0.0")], ..ob1_stl::Options::default() };
         let output = ob1_stl::compile(&[Source::new("lamp.awl", TEXT)], &Library::new(), &options);
         assert!(output.is_good(), "{:?}", output.diagnostics);

@@ -41,7 +41,9 @@ fn a_ladder_has_power() {
         browser.until(&format!("{} === 'on'", state(2, operand)));
     }
     // One of the instances alone: the conveyor has not been started.
-    browser.run("const one = document.querySelector('#instance'); one.value = '21'; one.dispatchEvent(new Event('change'))");
+    browser.run(
+        "const one = document.querySelector('#instance'); one.value = '21'; one.dispatchEvent(new Event('change'))",
+    );
     browser.until(&format!("{} === 'off' && {} === 'on'", state(2, "#held"), state(2, "#guard")));
     browser.click("#view-fbd");
     browser.until("document.querySelector('[data-network=\"2\"] svg g.box')");
@@ -53,8 +55,9 @@ fn a_ladder_has_power() {
     browser.run("scrollTo(0, 0); document.querySelector('#live-says').scrollIntoView()");
     browser.run("document.querySelector('#line-27').scrollIntoView()");
     browser.until("document.querySelector('#line-27 .register').innerText.startsWith('0 1 ')");
+    browser.run("scrollTo(0, 0)");
     browser.click("#live");
-    browser.until("document.querySelector('#line-27 .register').innerText === ''");
+    browser.until("document.querySelector('#line-21 .register').innerText === ''");
 
     // A jump leads over the last network of FC 5: it is shown as not run.
     show(&browser, port, "FC 5");
@@ -114,6 +117,7 @@ fn a_tap_tells_why() {
     // What the called block does there: the guard decides.
     browser.click(".answer > button");
     browser.until("document.querySelector('li.decides')?.innerText.includes('E 0.2 \"Guard\"')");
+    assert!(browser.text("li.decides").contains("guard closed"), "with its comment");
     assert_eq!(browser.run("return document.querySelectorAll('li.decides').length"), 1, "{}", browser.text("dialog"));
     // One level deeper: what holds it on.
     browser.click("button.term");
@@ -171,7 +175,8 @@ fn twelve_tabs_and_fifty_times_back_and_forward() {
         browser.to_tab(tab);
         browser.until("document.querySelector('#mode').innerText === 'STOP'");
     }
-    let streams = "return performance.getEntriesByType('resource').filter((one) => one.name.includes('api/stream')).length";
+    let streams =
+        "return performance.getEntriesByType('resource').filter((one) => one.name.includes('api/stream')).length";
     assert_eq!(browser.run(streams), 0, "the worker has the stream, not the tab");
     station.set("M 9.0", 0);
     for page in pages.iter().cycle().take(12) {
@@ -192,14 +197,20 @@ fn a_lost_connection_greys_everything() {
     let (station, port) = press(&site, "browser-grey", "");
     let browser = Browser::open(375);
     browser.go(&format!("http://127.0.0.1:{port}/#io"));
-    browser.until("document.querySelectorAll('.channel').length > 10 && document.querySelector('#mode').innerText === 'RUN'");
+    browser.until(
+        "document.querySelectorAll('.channel').length > 10 && document.querySelector('#mode').innerText === 'RUN'",
+    );
     let (_, process) = gate(&station);
     process.signal(Signal::STOP);
     browser.until("document.body.classList.contains('stale')");
     browser.until(r"/as of \d\d:\d\d:\d\d/.test(document.querySelector('#connection').innerText)");
     process.signal(Signal::CONT);
-    browser.until("!document.body.classList.contains('stale') && document.querySelector('#connection').innerText === ''");
+    browser
+        .until("!document.body.classList.contains('stale') && document.querySelector('#connection').innerText === ''");
 }
+
+/// What somebody does, clicking.
+type Steps<'s> = &'s dyn Fn(&dyn Fn(&str));
 
 /// Ten tasks of a person at the machine, each in at most four clicks from the first page.
 #[test]
@@ -214,7 +225,7 @@ fn ten_tasks_take_four_clicks_at_most() {
     browser.click("form.login button");
     browser.until("document.querySelector('.card.run')");
     let clicks = Cell::new(0);
-    let task = |name: &str, steps: &dyn Fn(&dyn Fn(&str))| {
+    let task = |name: &str, steps: Steps| {
         browser.go("about:blank");
         browser.go(&format!("http://127.0.0.1:{port}/"));
         browser.until("document.querySelector('.card')");
@@ -281,7 +292,7 @@ fn ten_tasks_take_four_clicks_at_most() {
     station.set("M 9.0", 1);
     task("find why STOP", &|_| {
         browser.until("document.querySelector('.card.stop')?.innerText.includes('Remedy')");
-        browser.until("document.querySelector('.card a')?.innerText === 'press.awl:95'");
+        browser.until("document.querySelector('.card a')?.innerText === 'press.awl:94'");
     });
     station.set("M 9.0", 0);
     task("acknowledge, and start again", &|click| {
@@ -290,4 +301,30 @@ fn ten_tasks_take_four_clicks_at_most() {
         browser.until("document.querySelector('.card.run')");
     });
     assert_eq!(Visitor::at(port).get("/api/session").status, 200);
+}
+
+/// Screenshots for the book: written to the folder in OB1_PICTURES.
+#[test]
+fn pictures_of_the_program() {
+    let site = Site::new();
+    let folder = std::env::var_os("OB1_PICTURES").map_or_else(|| site.path("."), std::path::PathBuf::from);
+    let (station, port) = press(&site, "press", "");
+    let keep = |browser: &Browser, name: &str| {
+        let picture = browser.picture();
+        assert!(picture.starts_with(b"\x89PNG\r\n\x1A\n") && picture.len() > 5000, "{name}: {}", picture.len());
+        std::fs::write(folder.join(format!("{name}.png")), picture).expect("room for a picture");
+    };
+    station.set("E 0.0", 1);
+    let wide = Browser::open(1000);
+    show(&wide, port, "OB 1");
+    wide.until(&format!("{} === 'on'", state(3, "E 0.2")));
+    keep(&wide, "web-ladder");
+    let phone = Browser::open(360);
+    phone.go(&format!("http://127.0.0.1:{port}/#io"));
+    phone.until("document.querySelectorAll('.channel').length > 10");
+    keep(&phone, "web-io");
+    phone.run("[...document.querySelectorAll('.channel')].find((one) => one.innerText.includes('Motor')).click()");
+    phone.click(".answer > button");
+    phone.until("document.querySelector('li.decides')");
+    keep(&phone, "web-why");
 }

@@ -280,7 +280,7 @@ pub(super) fn entry(entry: &Diagnosis) -> Value {
 fn why(entries: &[Diagnosis]) -> Value {
     let since = entries.iter().find(|entry| change(entry).is_some()).map(|entry| wall(&entry.wall));
     let stopped = |found: &&Diagnosis| matches!(change(found), Some("stop" | "fault"));
-    let Some(stop) = entries.iter().find(stopped) else { 
+    let Some(stop) = entries.iter().find(stopped) else {
         return json!({ "since": since, "stop": null, "cause": null, "over": true });
     };
     let before = entries.iter().find(|other| other.number + 1 == stop.number);

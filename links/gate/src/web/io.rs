@@ -60,7 +60,9 @@ fn is_analog(ranges: [[u32; 2]; 2], areas: [&str; 2], image: [u32; 2], symbols: 
             let bare = address.strip_prefix('P').unwrap_or(address);
             let Some((letters, number)) = bare.split_once(' ') else { continue };
             let byte = number.split('.').next().and_then(|number| number.parse::<u32>().ok());
-            if letters.trim_end_matches(['B', 'W', 'D']) != *area || byte.is_none_or(|at| at < first || at - first >= bytes) {
+            if letters.trim_end_matches(['B', 'W', 'D']) != *area
+                || byte.is_none_or(|at| at < first || at - first >= bytes)
+            {
                 continue;
             }
             if number.contains('.') {

@@ -151,7 +151,8 @@ mod tests {
         let names = Names::new(&program);
         let all = Allowed::default();
         let few = Allowed::of(Some(&["DB".to_owned()]), Some(&["DB7".to_owned()])).expect("right");
-        let count = |allowed: &Allowed, key: &str| listed(&program, &names, allowed)[key].as_array().map_or(0, Vec::len);
+        let count =
+            |allowed: &Allowed, key: &str| listed(&program, &names, allowed)[key].as_array().map_or(0, Vec::len);
         assert_eq!((count(&all, "data"), count(&all, "symbols")), (2, 2));
         assert_eq!((count(&few, "data"), count(&few, "symbols")), (1, 1), "{}", listed(&program, &names, &few));
         assert_eq!(count(&few.with_program(Some(true)), "data"), 2);

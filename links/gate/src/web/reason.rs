@@ -2,9 +2,11 @@
 
 use hyper::StatusCode;
 use ob1_access::why::{Inside, WhyStatus, WhyWanted, order, status};
+use serde_json::{Map, Value};
 
 use super::Page;
 use super::api::{send, trouble};
+use super::insight::Insight;
 use super::program::hidden;
 use crate::http::{Reply, plain, query};
 
@@ -58,15 +60,23 @@ impl Page {
                 break;
             }
         }
-        let told = best.and_then(|best| serde_json::to_value(best).ok()).unwrap_or_default();
+        let mut told = best.and_then(|best| serde_json::to_value(best).ok()).unwrap_or_default();
+        told["comments"] = comments(&insight, &told.to_string());
         send(&told)
     }
 
     /// The present value of a bit; false of what has none.
-    async fn now(&self, insight: &super::insight::Insight, name: &str) -> bool {
+    async fn now(&self, insight: &Insight, name: &str) -> bool {
         let Ok(typed) = insight.names.typed(name) else { return false };
         let Some(piece) = typed.piece() else { return false };
         let Ok(reading) = self.station.read(vec![piece]).await else { return false };
         reading.piece(0).ok().and_then(|bytes| typed.value(bytes)).is_some_and(|value| value.json() == true)
     }
+}
+
+/// What the table of symbols says of those that a text names.
+fn comments(insight: &Insight, text: &str) -> Value {
+    let symbols = insight.all.program().symbols.iter().filter(|symbol| !symbol.comment.is_empty());
+    let named = symbols.filter(|symbol| text.contains(&format!("\\\"{}\\\"", symbol.name)));
+    named.map(|symbol| (symbol.name.clone(), Value::String(symbol.comment.clone()))).collect::<Map<_, _>>().into()
 }

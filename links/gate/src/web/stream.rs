@@ -111,7 +111,8 @@ fn watch(page: &Rc<Page>, flows: &str, to: &To) -> JoinSet<()> {
         tasks.spawn_local(async move {
             while let Some(told) = sight.next().await {
                 // What is told is JSON already.
-                let data = format!("{{\"of\":{},\"told\":{}}}", json!(of), if told.is_empty() { "null" } else { &told });
+                let data =
+                    format!("{{\"of\":{},\"told\":{}}}", json!(of), if told.is_empty() { "null" } else { &told });
                 if say(&to, "flow", None, &data).await.is_err() {
                     return;
                 }

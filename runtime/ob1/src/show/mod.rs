@@ -138,7 +138,8 @@ impl Shown {
 
     pub(crate) fn ready<'s>(&'s self, block: &'s CodeBlock) -> Ready<'s> {
         let text = self.side.sources.get(&block.id);
-        let listing = text.map(|text| ob1_ladder::listing(block, &text.lines().collect::<Vec<_>>())).unwrap_or_default();
+        let listing =
+            text.map(|text| ob1_ladder::listing(block, &text.lines().collect::<Vec<_>>())).unwrap_or_default();
         let callees = |id| self.interface(id);
         let view = View { mnemonics: self.mnemonics, callees: &callees, symbols: &self.symbols, listing: &listing };
         Ready { block, networks: view.networks(block), listing }
@@ -422,7 +423,8 @@ mod tests {
         T MW 2;\nL MW 4;\nNETWORK\nEND_FUNCTION\n";
 
     fn side(made: BTreeMap<BlockId, (Made, Vec<bool>)>) -> Side {
-        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ..Symbol::default() };
+        let symbol =
+            |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ..Symbol::default() };
         let symbols = vec![symbol("Start", "I 0.0"), symbol("Motor", "Q 4.0")];
         let library = Library::new();
         let output = compile(&[Source::new("a", TEXT)], &library, &Compile { symbols, ..Compile::default() });

@@ -194,7 +194,8 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
     if pass.end != PassEnd::NotCalled && pass.statements as usize != block.code.len() + 1 {
         return Err(changed(id));
     }
-    let caller = pass.caller.map_or_else(String::new, |(caller, statement)| place_of(&known.program, caller, statement));
+    let caller =
+        pass.caller.map_or_else(String::new, |(caller, statement)| place_of(&known.program, caller, statement));
     let text = known.places.file(id).and_then(|file| source(file, started));
     let mut cut = Vec::new();
     if pass.cut > 0 {

@@ -26,7 +26,11 @@ pub(super) fn status(
 }
 
 /// The program with its sources, each read once at most.
-fn with<T>(known: &KnownProgram, started: u64, ask: impl FnOnce(&Known<'_, std::sync::Arc<ob1_ir::Program>>) -> T) -> T {
+fn with<T>(
+    known: &KnownProgram,
+    started: u64,
+    ask: impl FnOnce(&Known<'_, std::sync::Arc<ob1_ir::Program>>) -> T,
+) -> T {
     let read: OnceCell<(BlockId, Option<Source>)> = OnceCell::new();
     let source = |id: BlockId| {
         // A question is about one block.
@@ -38,8 +42,6 @@ fn with<T>(known: &KnownProgram, started: u64, ask: impl FnOnce(&Known<'_, std::
         let at = (number as usize).checked_sub(1)?;
         source(id)?.text().lines().nth(at).map(str::to_owned)
     };
-    let set = |id| {
-        source(id).map_or(Mnemonics::German, |source| ob1_stl::most(&ob1_stl::sets_of(&[&source.text()])))
-    };
+    let set = |id| source(id).map_or(Mnemonics::German, |source| ob1_stl::most(&ob1_stl::sets_of(&[&source.text()])));
     ask(&Known { all: known.cross_reference(), names: &known.names, line: &line, set: &set })
 }
