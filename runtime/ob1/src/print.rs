@@ -16,10 +16,10 @@ use crate::show::{Ready, Shown, open};
 
 /// Print a whole program: blocks as ladder, cross reference, symbols
 ///
-/// Makes one file for a browser, which prints it or keeps it as PDF: title page, blocks, call structure, each block with
-/// titles and comments in the view it was made in, symbols, cross reference, assignment list. A network that cannot be
-/// drawn is printed as statements, with the reason. With a name that ends in .svg the drawings alone, one below the
-/// other.
+/// Makes one file for a browser, which prints it or keeps it as PDF: title page, blocks, call structure, each block
+/// with titles and comments in the view it was made in, symbols, cross reference, assignment list. A network that
+/// cannot be drawn is printed as statements, with the reason. With a name that ends in .svg the drawings alone, one
+/// below the other.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 print press -o press.html\n  ob1 print plant.zip --language de -o plant.html\n  \

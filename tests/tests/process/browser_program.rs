@@ -25,8 +25,8 @@ fn state(network: u16, node: &str) -> String {
     )
 }
 
-/// A ladder shows which contacts have power, changes with the inputs, and shows what did not run as not run. Only what is
-/// in view is drawn. It is the same as function plan, and the statements have their registers.
+/// A ladder shows which contacts have power, changes with the inputs, and shows what did not run as not run. So does a
+/// function plan, and the statements have their registers.
 #[test]
 fn a_ladder_has_power() {
     let site = Site::new();
@@ -62,7 +62,6 @@ fn a_ladder_has_power() {
     // A jump leads over the last network of FC 5: it is shown as not run.
     show(&browser, port, "FC 5");
     browser.click("#view-stl");
-    browser.click("#live");
     browser.until("document.querySelector('#line-44 .register')?.innerText.startsWith('1 1 ')");
     browser.run("document.querySelector('#line-66').scrollIntoView()");
     browser.until("document.querySelector('#line-66 .register').innerText === '– –'");
@@ -155,8 +154,8 @@ fn what_is_forced_is_marked() {
     browser.until(&format!("{marked}.length === 1 && {marked}[0].includes('A 4.2') && {marked}[0].includes('forced')"));
 }
 
-/// Twelve tabs of one browser, each with another page: all of them live, with one stream together. Back and forward fifty
-/// times; then the page still works.
+/// Twelve tabs of one browser, each with another page: all of them live, with one stream together. Back and forward
+/// fifty times; then the page still works.
 #[test]
 fn twelve_tabs_and_fifty_times_back_and_forward() {
     let site = Site::new();
@@ -190,7 +189,7 @@ fn twelve_tabs_and_fifty_times_back_and_forward() {
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
-/// The gate is killed and stays away: everything is grey, and the page says as of when. When the gate is back, it is not.
+/// The gate does not answer: everything is grey, and the page says as of when. When the gate is back, it is not.
 #[test]
 fn a_lost_connection_greys_everything() {
     let site = Site::new();
@@ -225,7 +224,7 @@ fn ten_tasks_take_four_clicks_at_most() {
     browser.click("form.login button");
     browser.until("document.querySelector('.card.run')");
     let clicks = Cell::new(0);
-    let task = |name: &str, steps: Steps| {
+    let task = |name: &str, steps: Steps<'_>| {
         browser.go("about:blank");
         browser.go(&format!("http://127.0.0.1:{port}/"));
         browser.until("document.querySelector('.card')");
