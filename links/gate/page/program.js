@@ -10,8 +10,10 @@ const chosen = { view: "lad", live: true };
 /** Operands that a question can be about, in the code of a line. */
 const OPERANDS = /"[^"]+"(?:\.[\w.[\]]+)?|(?<!\w)#\w+|\bDB\s?\d+\.DBX\s?\d+\.[0-7]|\b[EAIQM]\s?\d+\.[0-7]\b|\b[TZC]\s?\d+\b(?!#)/g;
 
+const COMMENT = "//";
+
 function code(text, block) {
-  const [statement, ...comment] = text.split("//");
+  const [statement, ...comment] = text.split(COMMENT);
   const parts = [];
   let at = 0;
   for (const found of statement.matchAll(OPERANDS)) {
@@ -20,7 +22,7 @@ function code(text, block) {
     at = found.index + found[0].length;
   }
   parts.push(statement.slice(at));
-  if (comment.length > 0) parts.push(h("span", { class: "quiet" }, `//${comment.join("//")}`));
+  if (comment.length > 0) parts.push(h("span", { class: "quiet" }, COMMENT + comment.join(COMMENT)));
   return parts;
 }
 

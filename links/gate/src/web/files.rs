@@ -116,6 +116,7 @@ mod tests {
             }
         }
     }
+
     fn text(path: &str) -> &'static str {
         find(path).expect("a file").text
     }
