@@ -100,7 +100,7 @@ pub struct DataBlock {
 }
 
 /// A name of the symbol table, for tools.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Symbol {
     /// The name without quotes.
     pub name: String,
@@ -108,6 +108,8 @@ pub struct Symbol {
     pub address: String,
     /// Its type, when the table gives one.
     pub ty: Option<DataType>,
+    /// What the table says of it.
+    pub comment: String,
 }
 
 /// A compiled program.

@@ -27,12 +27,24 @@ pub const STYLE: &str = "\
 /// The drawing of a network. With a flow its parts have the classes `on` and `off`.
 #[must_use]
 pub fn svg(network: &Network, tree: &Tree, drawing: &Drawing, flow: Option<&Flow>) -> String {
-    let (width, height) = (drawing.width * ACROSS + 2 * MARGIN, drawing.height * DOWN + 2 * MARGIN);
+    whole(network, tree, drawing, flow, &format!("<style>{STYLE}</style>"))
+}
+
+/// The drawing of a network for a page that has its own colours for the classes.
+#[must_use]
+pub fn bare_svg(network: &Network, tree: &Tree, drawing: &Drawing) -> String {
+    whole(network, tree, drawing, None, "")
+}
+
+fn whole(network: &Network, tree: &Tree, drawing: &Drawing, flow: Option<&Flow>, style: &str) -> String {
+    let [width, height] = size(drawing);
+    // The parts of a picture are none for a reader of the screen; those of a page can be pointed at.
+    let role = if style.is_empty() { "group" } else { "img" };
     let mut out = String::new();
     let _ = writeln!(
         out,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"ladder\" width=\"{width}\" height=\"{height}\" viewBox=\"-{MARGIN} \
-         -{MARGIN} {width} {height}\" role=\"img\"><title>{}</title><style>{STYLE}</style>",
+         -{MARGIN} {width} {height}\" role=\"{role}\"><title>{}</title>{style}",
         escaped(&heading(network))
     );
     let mut groups: BTreeMap<Place, Vec<&Piece>> = BTreeMap::new();
@@ -45,6 +57,12 @@ pub fn svg(network: &Network, tree: &Tree, drawing: &Drawing, flow: Option<&Flow
     }
     out.push_str("</svg>\n");
     out
+}
+
+/// Width and height of a drawing with its margin, in pixels.
+#[must_use]
+pub const fn size(drawing: &Drawing) -> [usize; 2] {
+    [drawing.width * ACROSS + 2 * MARGIN, drawing.height * DOWN + 2 * MARGIN]
 }
 
 /// `Network 3: title`.
@@ -90,8 +108,11 @@ fn group(
     pieces: &[&Piece],
     flow: Option<&Flow>,
 ) {
+    // The part is the place among the states of a node, see `Flow::nodes`.
     let id = match place {
-        Place::Before(id) | Place::At(id) | Place::After(id) => Some(id),
+        Place::Before(id) => Some((id, 0)),
+        Place::At(id) => Some((id, 1)),
+        Place::After(id) => Some((id, 2)),
         Place::Rail => None,
     };
     let class = match place {
@@ -104,8 +125,8 @@ fn group(
         _ => "",
     };
     let _ = write!(out, "<g class=\"{class}{state}\"");
-    if let Some(id) = id {
-        let _ = write!(out, " data-node=\"{id}\"");
+    if let Some((id, part)) = id {
+        let _ = write!(out, " data-node=\"{id}\" data-part=\"{part}\"");
         if let Some((first, last)) = nodes.get(&id) {
             let _ = write!(out, " data-stmt=\"{first}-{last}\"");
         }
@@ -161,12 +182,12 @@ fn shape(out: &mut String, path: &mut String, shape: &Shape) {
             let (w, h) = ((width - 1) * ACROSS, (height - 1) * DOWN);
             let _ = write!(out, "<rect class=\"sign\" x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/>");
             let from = column + 1 + (width - 2 - title.chars().count()) / 2;
-            // Inside, below the upper edge: a text on the edge is hard to read.
+            // Small, on the upper edge: below a name above the box, and above the pins.
             let _ = write!(
                 out,
-                "<text x=\"{}\" y=\"{}\" dy=\"-5\">{}</text>",
+                "<text x=\"{}\" y=\"{}\" font-size=\"11\">{}</text>",
                 from * ACROSS,
-                row * DOWN + DOWN / 2 + 1,
+                row * DOWN + DOWN / 2 - 2,
                 escaped(title)
             );
         }

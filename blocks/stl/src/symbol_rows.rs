@@ -11,6 +11,7 @@ pub(crate) struct Row {
     pub(crate) address: String,
     /// Empty where the form has none.
     pub(crate) ty: String,
+    pub(crate) comment: String,
     /// Its line.
     pub(crate) span: Span,
 }
@@ -49,8 +50,16 @@ pub(crate) fn sdf(text: &str, sink: &mut Sink) -> Vec<Row> {
                     Some(3) => (3, 2),
                     _ => (1, 2),
                 };
+                // The tables of STEP 7 V5 have four columns, the last one the comment.
+                let comment = if fields.len() == 4 && address == 1 { 3 } else { usize::MAX };
                 let field = |at: usize| fields.get(at).map_or("", |f| f.trim_start_matches('%')).to_owned();
-                rows.push(Row { name: field(0), address: field(address), ty: field(ty), span });
+                rows.push(Row {
+                    name: field(0),
+                    address: field(address),
+                    ty: field(ty),
+                    comment: field(comment),
+                    span,
+                });
             }
             _ => wrong(span, "a row of an SDF file is written \"name\",\"M 1.0\",\"BOOL\",\"comment\"", sink),
         }
@@ -106,12 +115,13 @@ pub(crate) fn asc(text: &str, sink: &mut Sink) -> Vec<Row> {
         let columns = record.and_then(|record| {
             let (name, rest) = cut(record, COLUMNS[0])?;
             let (address, rest) = cut(rest, COLUMNS[1]).unwrap_or((rest, ""));
-            let (ty, _) = cut(rest, COLUMNS[2]).unwrap_or((rest, ""));
-            Some((name, address, ty))
+            let (ty, comment) = cut(rest, COLUMNS[2]).unwrap_or((rest, ""));
+            Some((name, address, ty, comment))
         });
         match columns {
-            Some((name, address, ty)) => {
-                rows.push(Row { name: name.into(), address: address.into(), ty: ty.into(), span });
+            Some((name, address, ty, comment)) => {
+                let [name, address, ty, comment] = [name, address, ty, comment].map(str::to_owned);
+                rows.push(Row { name, address, ty, comment, span });
             }
             None => {
                 let message =
@@ -141,7 +151,8 @@ pub(crate) fn seq(text: &str, sink: &mut Sink) -> Vec<Row> {
         let address = if first.trim().is_empty() { fields.next() } else { Some(first) };
         match (address, fields.next()) {
             (Some(address), Some(name)) => {
-                rows.push(Row { name: name.into(), address: address.into(), ty: String::new(), span });
+                let comment = fields.next().unwrap_or_default().to_owned();
+                rows.push(Row { name: name.into(), address: address.into(), ty: String::new(), comment, span });
             }
             _ if line.trim_start().starts_with(';') => {}
             _ => wrong(span, "a row of a SEQ file is tab, address, tab, name, tab, comment", sink),
@@ -206,7 +217,10 @@ fn finish(tuple: Option<(Span, Vec<String>)>, rows: &mut Vec<Row>, sink: &mut Si
     let Some((span, cells)) = tuple else { return };
     let mut cells = cells.into_iter();
     match (cells.next(), cells.next()) {
-        (Some(name), Some(address)) => rows.push(Row { name, address, ty: cells.next().unwrap_or_default(), span }),
+        (Some(name), Some(address)) => {
+            let (ty, comment) = (cells.next().unwrap_or_default(), cells.next().unwrap_or_default());
+            rows.push(Row { name, address, ty, comment, span });
+        }
         _ => wrong(span, "a tuple of a symbol table has four cells: name, address, type, comment", sink),
     }
 }

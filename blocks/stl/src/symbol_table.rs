@@ -194,7 +194,8 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
         sink.report(0, row.span, &codes::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
         return None;
     }
-    let mut symbol = Symbol { name: name.to_owned(), address, ty: None };
+    let comment = row.comment.trim().to_owned();
+    let mut symbol = Symbol { name: name.to_owned(), address, ty: None, comment };
     let found = symbols::address(&symbol, words);
     let width = match &found {
         Symbolic::Unknown(_) => {

@@ -77,7 +77,7 @@ fn overlapping(area: Area, operand: Operand, at: u32, writes: bool) -> Vec<Strin
 }
 
 struct Asked<'a> {
-    all: &'a CrossReference<'a>,
+    all: &'a CrossReference<&'a ob1_ir::Program>,
     asked: usize,
 }
 
@@ -163,8 +163,11 @@ fn every_operand_of_the_examples_is_found_by_whatever_overlaps_it() {
 }
 
 fn program(text: &str, symbols: &[(&str, &str)]) -> Program {
-    let symbol =
-        |(name, address): &(&str, &str)| ob1_ir::Symbol { name: (*name).into(), address: (*address).into(), ty: None };
+    let symbol = |(name, address): &(&str, &str)| ob1_ir::Symbol {
+        name: (*name).into(),
+        address: (*address).into(),
+        ..ob1_ir::Symbol::default()
+    };
     let options = Options { symbols: symbols.iter().map(symbol).collect(), ..Options::default() };
     let output = compile(&[Source::new("x.awl", text)], &common::library(), &options);
     assert!(output.is_good(), "{:?}", output.diagnostics);
@@ -179,7 +182,7 @@ const PLANT: &str = "FUNCTION_BLOCK FB 20\nVAR_INPUT\n on : BOOL;\nEND_VAR\nVAR\
     ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FB 30, DB 30 ();\nAUF DB 10;\nL DBW 2;\nSPB m;\nAUF DB 30;\nm: L DBW 0;\n\
     LAR1 P#E 8.0;\nU [AR1,P#0.0];\n= A 4.0;\nU E 8.1;\n= A 4.0;\nT AW 6;\nL PEW 8;\nL MW 10;\nEND_ORGANIZATION_BLOCK\n";
 
-fn lines(all: &CrossReference<'_>, name: &str, least: Match) -> Vec<(String, u32)> {
+fn lines(all: &CrossReference<&ob1_ir::Program>, name: &str, least: Match) -> Vec<(String, u32)> {
     let uses = all.find(name).unwrap_or_else(|unknown| panic!("{unknown}"));
     uses.found.iter().filter(|(how, _)| *how <= least).map(|(_, r)| (r.block.to_string(), r.line)).collect()
 }

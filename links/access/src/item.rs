@@ -291,7 +291,7 @@ mod tests {
                 ("Level", "MW 20", Some(DataType::Int)),
                 ("Odd", "MW 22", Some(DataType::Real)),
             ]
-            .map(|(name, address, ty)| Symbol { name: name.into(), address: address.into(), ty })
+            .map(|(name, address, ty)| Symbol { name: name.into(), address: address.into(), ty, ..Symbol::default() })
             .into(),
             ..Program::default()
         })

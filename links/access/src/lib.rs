@@ -1,10 +1,12 @@
 //! Common parts of all links into a CPU: names of cells ([`Names`]), their values as text and JSON ([`value`],
-//! [`text`]), the forms people read them in ([`Form`]), and the rights of clients ([`Allowed`]).
+//! [`text`]), the forms people read them in ([`Form`]), the rights of clients ([`Allowed`]), and why a bit has its
+//! value ([`why`]).
 //!
 //! It knows the program's names and the terms of an S7, but no CPU: callers that read and write cells ask it for their
 //! meaning.
 
 pub mod audit;
+pub mod block_name;
 mod datum;
 pub mod door;
 mod form;
@@ -14,6 +16,7 @@ pub mod partner;
 mod rights;
 pub mod text;
 pub mod value;
+pub mod why;
 
 pub use datum::{Datum, Unfit};
 pub use form::Form;

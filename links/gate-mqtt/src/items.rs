@@ -164,7 +164,7 @@ mod tests {
             Component { path: "Ramp".into(), ty: ramp, at: BitAddr(64) },
         ];
         let block = NamedBlock { number: 10, name: Some("Press".into()), components, bytes: 14, read_only: false };
-        let symbol = Symbol { name: "Start/Stop".into(), address: "M 1.0".into(), ty: None };
+        let symbol = Symbol { name: "Start/Stop".into(), address: "M 1.0".into(), ..Symbol::default() };
         Names::of(vec![block], vec![symbol])
     }
 

@@ -303,7 +303,8 @@ mod tests {
         let component = |path: &str, ty, at| Component { path: path.into(), ty, at: BitAddr(at) };
         let components = vec![component("Motor", motor, 0), component("Axes", axes, 112), component("Ramp", ramp, 336)];
         let block = NamedBlock { number: 10, name: Some("Press".into()), components, bytes: 58, read_only: false };
-        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ty: None };
+        let symbol =
+            |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ..Symbol::default() };
         Names::of(vec![block], vec![symbol("Start", "E 0.0"), symbol("Press", "DB 10"), symbol("Far", "M 999.0")])
     }
 

@@ -1,7 +1,7 @@
 // The variable table: names, forms, values as they change, writing with right, tables that this browser keeps.
 import { dialog, h, tell } from "./kit.js";
-import { ask, listen, may, state } from "./session.js";
-import { say } from "./words.js";
+import { ask, may, state, want } from "./session.js";
+import { has, say } from "./words.js";
 
 const KEY = () => `ob1-tables-${state.session.station}`;
 
@@ -10,17 +10,20 @@ function saved() {
 }
 
 function keep(tables) {
-  try { localStorage.setItem(KEY(), JSON.stringify(tables)); } catch { tell(say("noTables")); }
+  try { localStorage.setItem(KEY(), JSON.stringify(tables)); } catch { tell(say("notKept")); }
 }
+
+/** What stays while other pages are shown. */
+const kept = { period: 1000 };
 
 const FORMS = ["", ":hex", ":bin", ":anzw", ":status"];
 
 export function variables(main) {
   const given = new URLSearchParams(location.hash.split("?")[1] ?? "").get("items");
   const names = h("textarea", { id: "names", spellcheck: "false", autocapitalize: "off" });
-  names.value = given ?? (state.items || saved()[""] || "");
+  names.value = given ?? saved()[""] ?? "";
   const period = h("select", { id: "period", "aria-label": say("period") },
-    [100, 200, 500, 1000, 5000].map((ms) => h("option", { value: ms, selected: ms === state.period }, `${say("period")} ${ms} ms`)));
+    [100, 200, 500, 1000, 5000].map((ms) => h("option", { value: ms, selected: ms === kept.period }, `${say("period")} ${ms} ms`)));
   const choice = h("select", { id: "tables", "aria-label": say("table") });
   const body = h("tbody");
   const scan = h("p", { class: "quiet" });
@@ -33,23 +36,30 @@ export function variables(main) {
     : [h("option", { value: "" }, say("noTables"))]));
 
   const watch = () => {
-    state.items = names.value.split("\n").map((line) => line.trim()).filter(Boolean).join("\n");
-    state.period = Number(period.value);
-    keep({ ...saved(), "": state.items });
+    lines = [...new Set(names.value.split("\n").map((line) => line.trim()).filter(Boolean))];
+    kept.period = Number(period.value);
+    keep({ ...saved(), "": lines.join("\n") });
     body.replaceChildren();
-    listen();
+    want({ items: lines, period: kept.period });
   };
 
   const bare = (line) => FORMS.slice(1).reduce((name, form) => name.toLowerCase().endsWith(form) ? name.slice(0, -form.length) : name, line);
 
-  const write = async (line) => {
-    const name = bare(line);
-    const answer = await dialog(say("write"), null, [{ name: "value", label: say("newValue", name) }], say("write"), true);
-    if (!answer) return;
-    try {
-      const done = await ask("write", { item: name, value: answer.value });
+  const write = (at, type) => {
+    const name = bare(lines[at]);
+    const form = has(`form_${type}`) ? `form_${type}` : "form_other";
+    const present = h("span", { class: "code" }, before[at] ?? "");
+    const field = type === "BOOL"
+      ? { name: "value", label: say("newValue"), value: before[at] === "1" ? "FALSE" : "TRUE", choice: [["TRUE", "TRUE (1)"], ["FALSE", "FALSE (0)"]] }
+      : { name: "value", label: say("newValue"), value: lines[at] === name ? before[at] ?? "" : "" };
+    dialog({
+      title: say("writeName", name), fields: [field], action: say("write"), danger: true,
+      more: [h("dl", {}, h("dt", {}, say("presentValue")), h("dd", {}, present), h("dt", {}, say("type")), h("dd", {}, type),
+        h("dt", {}, say("allowedForm")), h("dd", {}, say(form)))],
+    }, async ({ value }) => {
+      const done = await ask("write", { item: name, value });
       tell(say("written", name, done.scan));
-    } catch (error) { tell(error.message); }
+    });
   };
 
   const choose = (at, form) => {
@@ -58,13 +68,11 @@ export function variables(main) {
     watch();
   };
 
-  const save = async () => {
-    const answer = await dialog(say("save"), null, [{ name: "name", label: say("name"), value: choice.value }], say("save"));
-    if (!answer) return;
+  const save = () => dialog({ title: say("save"), fields: [{ name: "name", label: say("name"), value: choice.value }], action: say("save") }, (answer) => {
     keep({ ...saved(), [answer.name]: names.value });
     fill();
     choice.value = answer.name;
-  };
+  });
 
   const load = () => {
     const found = saved()[choice.value];
@@ -92,15 +100,16 @@ export function variables(main) {
 
   return {
     heads(heads) {
-      lines = state.items.split("\n");
+      heads = heads.filter(Boolean);
+      if (heads.length !== lines.length) return;
       before = [];
-      cells = heads.map((head) => h("td", { class: "value" }, head.error ?? say("loading")));
+      cells = heads.map((head) => h("td", { class: "value" }, head.error ?? "…"));
       body.replaceChildren(...heads.map((head, at) => h("tr", {}, h("td", { class: "code" }, bare(lines[at])),
         h("td", {}, head.error ? "" : h("select", { "aria-label": `${say("type")} ${lines[at]}`, onchange: (event) => choose(at, event.target.value) },
           FORMS.map((form) => h("option", { value: form, selected: lines[at].toLowerCase().endsWith(form || "\u0000") }, form ? form.slice(1) : head.type)))),
         cells[at],
         h("td", {}, head.error ? "" : h("button", { type: "button", disabled: !may("write"), "aria-label": `${say("write")} ${bare(lines[at])}`,
-          onclick: () => write(lines[at]) }, say("write"))))));
+          onclick: () => write(at, head.type) }, say("write"))))));
     },
     values(told) {
       scan.textContent = `${say("scan")} ${told.scan}`;
@@ -111,12 +120,6 @@ export function variables(main) {
         if (before[at] !== text) cells[at].textContent = text;
         before[at] = text;
       });
-    },
-    leave() {
-      if (state.items) {
-        state.items = "";
-        listen();
-      }
     },
   };
 }

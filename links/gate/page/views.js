@@ -1,7 +1,7 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
-import { dialog, h, redraw, table, tell } from "./kit.js";
-import { ask, listen, may, state } from "./session.js";
-import { reason as reasonText, say } from "./words.js";
+import { clock, dialog, download, fill, h, local, redraw, table, tell } from "./kit.js";
+import { ask, may, state, want } from "./session.js";
+import { reason as reasonText, say, told } from "./words.js";
 
 const time = (ns) => ns >= 1e9 ? `${(ns / 1e9).toFixed(2)} s` : ns >= 1e6 ? `${(ns / 1e6).toFixed(2)} ms` : `${(ns / 1e3).toFixed(1)} µs`;
 
@@ -28,18 +28,24 @@ function stack({ blocks, accus, addresses, local }) {
 
 const words = { RUN: "running", STOP: "stopped", STARTUP: "starting", HOLD: "held" };
 
+/** A place in the source, with a way to it. */
+function place({ place, block, line }) {
+  return block ? h("a", { href: `#program?block=${encodeURIComponent(block)}&line=${line}` }, h("code", {}, place)) : h("code", {}, place);
+}
+
 /** Why the machine stands: in words, first of all. */
 function reason(card, now, why) {
-  const lines = [h("h2", {}, say(words[now] ?? "loading"))];
+  const since = why?.since ? h("span", { class: "quiet since" }, ` ${say("sinceThen", local(why.since))}`) : "";
+  const lines = [h("h2", {}, say(words[now] ?? "loading"), since)];
   if (why?.stop) {
-    const told = why.cause ?? why.stop;
+    const entry = why.cause ?? why.stop;
     const stands = now === "STOP" && !why.over;
-    lines.push(h("p", { class: "quiet" }, `${say(stands ? "stoppedBy" : "lastStop")} ${told.wall}`));
-    lines.push(h("p", {}, h("strong", {}, why.stop.change === "stop" ? `${say("orderly")} ` : "", told.text)));
-    if (told.place) lines.push(h("p", {}, `${say("place")}: `, h("code", {}, told.place)));
-    const because = told.because || why.stop.because;
+    lines.push(h("p", { class: "quiet" }, `${say(stands ? "stoppedBy" : "lastStop")} ${local(entry.wall)}`));
+    lines.push(h("p", {}, h("strong", {}, why.stop.change === "stop" ? `${say("orderly")} ` : "", told(entry.text))));
+    if (entry.place) lines.push(h("p", {}, `${say("place")}: `, place(entry)));
+    const because = entry.because || why.stop.because;
     if (because) lines.push(h("p", {}, `${say("because")}: ${because}`));
-    const remedy = told.remedy || why.stop.remedy;
+    const remedy = told(entry.remedy || why.stop.remedy);
     if (remedy) lines.push(h("p", { class: "remedy" }, `${say("remedy")}: ${remedy}`));
     if (why.stack && now !== "RUN") lines.push(stack(why.stack));
   } else if (why) {
@@ -58,13 +64,12 @@ function module(of) {
   telling.push(...Object.keys(counters).filter((key) => counters[key] > 0
     && (/^ended_|_lost$/.test(key) || key === "rejected_full") && key !== "log_lost"));
   return h("section", { class: "module" },
-    h("h3", {}, of.name), h("div", { class: "quiet" }, `${of.type}, ${of.address}`),
+    h("h3", {}, of.name), h("div", { class: "quiet" }, `${of.type}, ${of.address}, ${say(of.present ? "present" : "absent")}`),
     h("div", {}, led2(of.present), ...of.leds.map(led)),
-    h("div", {}, say(of.present ? "present" : "absent")),
     of.driver ? h("div", {}, `${say("driver")}: ${of.driver.state}`,
       of.driver.losses > 0 ? `, ${of.driver.losses} × ${say("restarted")}` : "") : null,
     of.reason ? h("div", { class: "reason" }, h("strong", {}, reasonText(of.reason)),
-      of.reason.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${of.reason.remedy}`) : null) : null,
+      of.reason.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${told(of.reason.remedy)}`) : null) : null,
     h("div", { class: "quiet" }, telling.filter((key) => key in counters)
       .map((key) => `${key.replace("_", " ")} ${counters[key]}`).join(", ")));
 }
@@ -73,32 +78,32 @@ const led2 = (present) => h("span", { class: `led ${present ? "green" : "red"}` 
 
 export function station(main) {
   const card = h("section", { class: "card", "aria-live": "polite" });
+  const short = h("dl", { class: "short" });
   const cpu = h("div", { class: "rack" });
   const figures = h("div");
   const links = h("p");
   const buttons = h("div", { class: "row" });
-  main.replaceChildren(card, h("h2", {}, say("modules")), cpu, h("h2", {}, say("mode")), buttons,
-    h("h2", {}, say("figures")), figures, h("h2", {}, say("links")), links);
+  main.replaceChildren(card, short, h("h2", {}, say("mode")), buttons, h("h2", {}, say("modules")), cpu,
+    h("h2", {}, say("links")), links, h("details", {}, h("summary", {}, say("figures")), figures));
   let why = null;
   let shown = "";
 
   const look = async () => {
     try {
       why = await ask("why");
-      links.textContent = (await ask("links")).map((link) => `${link.name}: ${say(link.up ? "up" : "down")}`).join(", ");
+      links.replaceChildren(...(await ask("links")).map((link) => h("span", { class: `led ${link.up ? "green" : "red"}` }, `${link.name}: ${say(link.up ? "up" : "down")}`)));
     } catch (error) { tell(error.message); }
     if (state.status) draw(state.status);
   };
 
-  const command = async (name) => {
-    const asked = await dialog(say("confirmTitle"), say("confirm", say(name), state.session.station), [], say(name), true);
-    if (!asked) return;
-    try { await ask("command", { command: name }); } catch (error) { tell(error.message); }
-  };
+  const command = (name) => dialog({
+    title: say(`ask_${name}`, state.session.station), action: say(name), danger: true,
+    more: [h("p", {}, say(`tell_${name}`)), ...(name === "reset" ? [h("ul", {}, say("lose").split("|").map((what) => h("li", {}, what)))] : [])],
+  }, () => ask("command", { command: name }));
   const allowed = may("operate");
   const commands = ["run", "stop", "warm", "cold", ...(state.session.family === 400 ? ["hot"] : []), "reset"];
   buttons.replaceChildren(...commands.map((name) =>
-    h("button", { type: "button", disabled: !allowed, class: name === "stop" ? "danger" : "", onclick: () => command(name) }, say(name))));
+    h("button", { type: "button", id: `command-${name}`, disabled: !allowed, class: name === "stop" ? "danger" : "", onclick: () => command(name) }, say(name))));
   if (!allowed) buttons.append(h("span", { class: "quiet" }, say("mayNot", state.session.right)));
 
   function draw(status) {
@@ -108,10 +113,18 @@ export function station(main) {
       reason(card, status.state, why);
     }
     const stopped = status.state === "STOP";
-    const missing = status.modules.some((of) => !of.present);
+    const missing = status.modules.filter((of) => !of.present);
+    const wrong = status.modules.filter((of) => of.reason || of.leds.some((name) => colours[name] === "red"));
+    const fact = (key, value, bad) => h("div", {}, h("dt", {}, say(key)), h("dd", { class: bad ? "bad" : "" }, value));
+    short.replaceChildren(
+      fact("modules", `${status.modules.length - missing.length} / ${status.modules.length}`, missing.length > 0),
+      fact("cpErrors", wrong.map((of) => of.name).join(", ") || say("none"), wrong.length > 0),
+      fact("cycleNow", time(status.cycle.p50_ns)), fact("cycleMax", time(status.cycle.max_ns)),
+      fact("late", `${status.late}`, false), fact("forcedAll", status.forced.length ? `${status.forced.length}` : say("none"), status.forced.length > 0));
     cpu.replaceChildren(h("section", { class: "module" }, h("h3", {}, "CPU"),
       h("div", { class: "quiet" }, status.station),
-      h("div", {}, missing || (stopped && why?.stop?.change === "fault") ? led("SF") : null, stopped ? led("STOP") : led("RUN"))),
+      h("div", {}, missing.length > 0 || (stopped && why?.stop?.change === "fault") ? led("SF") : null, stopped ? led("STOP") : led("RUN"),
+        status.forced.length ? led("FRCE") : null)),
       ...status.modules.map(module));
     redraw(figures, table([say("what"), say("value")], [
       [say("uptime"), duration(status.runtime_ns)], [say("scans"), `${status.scans}`],
@@ -120,10 +133,11 @@ export function station(main) {
       [say("late"), `${status.late}`], [say("overruns"), `${status.overruns}`], [say("missed"), `${status.missed}`],
       [say("watchdogs"), `${status.watchdogs}`],
       [say("memory"), `${(status.memory.resident_kib / 1024).toFixed(1)} MiB, ${status.memory.threads} ${say("threads")}`],
-      ...(status.stands_s ? [[`${say("serious")}: ${say("stands")}`, duration(status.stands_s * 1e9)]] : []),
-      ...(status.engine_lacks ? [[`${say("serious")}: ${status.engine}`, status.engine_lacks]] : []),
+      ...status.forced.map((text) => [say("forcedAll"), text]),
+      ...(status.stands_s ? [[say("stands"), duration(status.stands_s * 1e9)]] : []),
+      ...(status.engine_lacks ? [[status.engine, status.engine_lacks]] : []),
       ...status.posture.filter((grant) => grant.outcome !== "granted")
-        .map((grant) => [`${say("serious")}: ${grant.what}`, `${grant.outcome}: ${grant.detail} ${grant.remedy ?? ""}`]),
+        .map((grant) => [`${say("what_sched")}: ${grant.what}`, `${grant.outcome}: ${grant.detail} ${grant.remedy ?? ""}`]),
     ], say("figures")));
   }
   if (state.status) draw(state.status);
@@ -153,24 +167,57 @@ function histogram(title, spread) {
     table([say("upTo"), "", say("count")], rows.map(([bound, count]) => [time(bound), bar(count), h("td", { class: "number" }, `${count}`)]), title));
 }
 
+/** The last ten minutes, one point a second; it stays while other pages are shown. */
+const history = [];
+
+export function remember(status) {
+  const { p50_ns, p99_ns, max_ns } = status.execution;
+  history.push({ at: Date.now(), p50_ns, p99_ns, max_ns });
+  if (history.length > 600) history.shift();
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function chart() {
+  const [width, height] = [600, 120];
+  const most = Math.max(...history.map((point) => point.p99_ns), 1);
+  const x = (at) => width - (history.length - 1 - at);
+  const y = (ns) => height - 4 - (height - 12) * ns / most;
+  const draw = (name, attributes) => {
+    const element = document.createElementNS(SVG, name);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    return element;
+  };
+  const picture = draw("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", preserveAspectRatio: "none",
+    "aria-label": say("historyText", time(history.at(-1)?.p50_ns ?? 0), time(most)) });
+  picture.append(draw("path", { class: "marks", d: history.map((point, at) => `M${x(at)} ${height}V${y(point.p99_ns).toFixed(1)}`).join("") }),
+    draw("polyline", { class: "line", points: history.map((point, at) => `${x(at)},${y(point.p50_ns).toFixed(1)}`).join(" ") }));
+  return h("figure", {}, picture, h("figcaption", { class: "quiet" }, say("historyText", time(history.at(-1)?.p50_ns ?? 0), time(most))));
+}
+
 export function scan(main) {
   let busy = false;
+  const picture = h("section");
+  const rest = h("div", {}, h("p", { class: "quiet" }, say("loading")));
+  main.replaceChildren(picture, rest);
   const look = async () => {
+    redraw(picture, h("h2", {}, say("history")), chart());
     if (busy) return;
     busy = true;
     try {
       const timing = await ask("timing");
       const late = timing.late;
       const classes = Object.entries(late.classes).map(([name, total]) =>
-        [name, `${total.scans}`, time(total.time_ns), time(total.worst_ns)]);
+        [told(name), `${total.scans}`, time(total.time_ns), time(total.worst_ns)]);
       const newest = [...late.newest].reverse().slice(0, 20).map((entry) =>
-        [`${entry.scan}`, time(entry.lateness_ns), time(entry.execution_ns), `${entry.class}: ${entry.what}`]);
-      redraw(main, histogram(say("execution"), timing.execution), histogram(say("cycle"), timing.cycle),
-        histogram(say("wake"), timing.wake), h("h2", {}, `${say("late")}: ${late.scans}`),
+        [`${entry.scan}`, time(entry.lateness_ns), time(entry.execution_ns), `${told(entry.class)}: ${told(entry.what)}`]);
+      redraw(rest, h("h2", {}, `${say("late")}: ${late.scans}`),
         classes.length ? table([say("cause"), say("count"), say("delay"), say("greatest")], classes, say("cause"))
           : h("p", {}, say("nothingLate")),
         newest.length ? h("h2", {}, say("newest")) : null,
-        newest.length ? table([say("scan"), say("delay"), say("execution"), say("cause")], newest, say("newest")) : null);
+        newest.length ? table([say("scan"), say("delay"), say("execution"), say("cause")], newest, say("newest")) : null,
+        h("div", { class: "columns" }, histogram(say("execution"), timing.execution), histogram(say("cycle"), timing.cycle),
+          histogram(say("wake"), timing.wake)));
     } catch (error) { tell(error.message); }
     busy = false;
   };
@@ -180,30 +227,33 @@ export function scan(main) {
 
 function entry(of) {
   return h("li", { class: of.change === "fault" ? "fault" : "" },
-    h("div", { class: "quiet" }, `${of.number}  ${of.wall}  ${of.event}`), h("div", {}, of.text),
-    of.place ? h("div", {}, `${say("place")}: `, h("code", {}, of.place)) : null,
+    h("div", { class: "quiet" }, `${of.number}  ${local(of.wall)}  ${of.event}`), h("div", {}, told(of.text)),
+    of.place ? h("div", {}, `${say("place")}: `, place(of)) : null,
     of.because ? h("div", {}, `${say("because")}: ${of.because}`) : null,
-    of.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${of.remedy}`) : null);
+    of.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${told(of.remedy)}`) : null);
 }
 
-function wall(ns) {
-  return ns ? new Date(ns / 1e6).toISOString().replace("T", " ").replace("Z", "") : "";
-}
+const date = (ns) => ns ? local(new Date(ns / 1e6)) : "";
+
+/** A table as CSV: quoted, with the mark that spreadsheets read UTF-8 by. */
+const csv = (rows) => `\u{FEFF}${rows.map((row) => row.map((cell) => `"${String(cell ?? "").replaceAll('"', '""')}"`).join(";")).join("\r\n")}\r\n`;
 
 export function diagnostics(main) {
-  const look = async () => {
-    try {
-      const [entries, buffers] = [await ask("diagnostics"), await ask("buffers")];
-      const cp = (buffer) => h("section", {}, h("h2", {}, `${buffer.name} (${buffer.type}, ${buffer.address}): ${buffer.driver}`),
-        buffer.reason ? h("p", {}, h("strong", {}, reasonText(buffer.reason))) : null,
-        buffer.entries.length ? h("ol", { class: "buffer" }, buffer.entries.map((of) =>
-          h("li", {}, h("div", { class: "quiet" }, `${wall(of.unix_ns)}  ${of.number}`),
-            h("div", {}, `${of.incoming ? "" : `${say("gone")}: `}${of.text}`),
-            of.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${of.remedy}`) : null)))
-          : h("p", {}, say("noEntries")));
-      main.replaceChildren(h("h2", {}, "CPU"), h("ol", { class: "buffer" }, entries.map(entry)), ...buffers.map(cp));
-    } catch (error) { tell(error.message); }
-  };
+  const look = () => fill(main, async () => [await ask("diagnostics"), await ask("buffers")], ([entries, buffers]) => {
+    const cp = (buffer) => h("section", {}, h("h2", {}, `${buffer.name} (${buffer.type}, ${buffer.address}): ${buffer.driver}`),
+      buffer.reason ? h("p", {}, h("strong", {}, reasonText(buffer.reason))) : null,
+      buffer.entries.length ? h("ol", { class: "buffer" }, buffer.entries.map((of) =>
+        h("li", {}, h("div", { class: "quiet" }, `${date(of.unix_ns)}  ${of.number}`),
+          h("div", {}, `${of.incoming ? "" : `${say("gone")}: `}${told(of.text)}`),
+          of.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${told(of.remedy)}`) : null)))
+        : h("p", {}, say("noEntries")));
+    const keep = () => download(`${state.session.station}-diagnostics.csv`, "text/csv", csv([
+      ["", say("number"), say("time"), say("event"), say("text"), say("place"), say("remedy")],
+      ...entries.map((of) => ["CPU", of.number, local(of.wall), of.event, told(of.text), of.place, told(of.remedy)]),
+      ...buffers.flatMap((buffer) => buffer.entries.map((of) => [buffer.name, of.number, date(of.unix_ns), "", told(of.text), "", told(of.remedy)]))]));
+    return [h("div", { class: "row" }, h("button", { type: "button", id: "csv", onclick: keep }, say("csv"))),
+      h("h2", {}, "CPU"), h("ol", { class: "buffer" }, entries.map(entry)), ...buffers.map(cp)];
+  });
   look();
   return { event: (event) => { if (event.what === "diagnosis") look(); } };
 }
@@ -218,7 +268,7 @@ export function reports(main) {
           const report = await ask(`reports?name=${encodeURIComponent(name)}`);
           const findings = (report.findings ?? []).map((of) => [of.budget, of.measured, of.verdict, of.why]);
           shown.replaceChildren(h("h2", {}, name), h("p", {}, h("strong", {}, `${say("verdict")}: ${report.verdict}`)),
-            h("p", {}, `${report.station} · ${wall(report.began_unix_s * 1e9)} · ${duration(report.measured_ns)} · ${report.ended}`),
+            h("p", {}, `${report.station} · ${date(report.began_unix_s * 1e9)} · ${duration(report.measured_ns)} · ${report.ended}`),
             table([say("budget"), say("measured"), say("verdict"), ""], findings, say("verdict")),
             h("details", {}, h("summary", {}, "JSON"),
               h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": name }, h("pre", { class: "code" }, JSON.stringify(report, null, 1)))));
@@ -233,25 +283,50 @@ export function reports(main) {
   return {};
 }
 
-/** Telegrams and control characters as they come, each with its meaning and its user data. */
+/** Telegrams and control characters as they come, one row each: way, meaning, user data. */
 export function telegrams(main) {
   const body = h("tbody");
+  const rows = [];
+  let paused = false;
   const text = (hex) => hex.replace(/../g, (pair) => {
     const code = parseInt(pair, 16);
     return code >= 32 && code < 127 ? String.fromCharCode(code) : "·";
   });
   const ways = { out: `→ ${say("sent")}`, in: `← ${say("received")}` };
-  main.replaceChildren(h("p", { class: "quiet" }, say("telegramsHelp")), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": say("telegrams") },
-    h("table", { id: "telegrams" }, h("thead", {}, h("tr", {}, ["since", "name", "way", "what"].map((key) => h("th", { scope: "col" }, say(key))))), body)));
-  state.telegrams = true;
-  listen();
+  const isShort = (told) => /^(STX|DLE|NAK|ETX|XON|XOFF|BCC)\b/.test(told.what) && !told.hex;
+  const isWrong = (told) => /error|wrong|missing|NAK|gone|timeout|no answer|not /i.test(told.what);
+  const sift = (of) => (handshake.checked || !isShort(of)) && (!errors.checked || isWrong(of))
+    && `${of.cp} ${of.what} ${of.hex} ${text(of.hex)}`.toLowerCase().includes(filter.value.toLowerCase());
+  const row = (of) => h("tr", { class: isWrong(of) ? "wrong" : "" }, h("td", { class: "code" }, `${clock(new Date(of.ms))}.${String(of.ms % 1000).padStart(3, "0")}`),
+    h("td", {}, of.cp), h("td", {}, ways[of.way] ?? ""), h("td", {}, of.what), h("td", { class: "code" }, of.hex.replace(/../g, "$& ")), h("td", { class: "code" }, text(of.hex)));
+  const draw = () => body.replaceChildren(...rows.filter(sift).slice(0, 200).map(row));
+  const filter = h("input", { id: "telegram-filter", placeholder: say("filter"), "aria-label": say("filter"), oninput: draw });
+  const box = (id, key, on) => [h("input", { type: "checkbox", id, checked: on, onchange: draw }), h("label", { for: id }, say(key))];
+  const [handshake, handshakeLabel] = box("handshake", "handshake", true);
+  const [errors, errorsLabel] = box("errors", "errorsOnly", false);
+  const hold = h("button", { type: "button", id: "pause", "aria-pressed": "false", onclick: () => {
+    paused = !paused;
+    hold.textContent = say(paused ? "goOn" : "pause");
+    hold.setAttribute("aria-pressed", `${paused}`);
+    if (!paused) draw();
+  } }, say("pause"));
+  const keep = h("button", { type: "button", onclick: () => download(`${state.session.station}-telegrams.csv`, "text/csv", csv([
+    ["time", "name", "way", "what", "hex"].map((key) => key === "hex" ? "hex" : say(key)),
+    ...rows.filter(sift).map((of) => [local(new Date(of.ms)), of.cp, ways[of.way] ?? "", of.what, of.hex])])) }, say("download"));
+  main.replaceChildren(h("p", { class: "quiet" }, say("telegramsHelp")),
+    h("div", { class: "row" }, hold, filter, handshake, handshakeLabel, errors, errorsLabel, keep),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": say("telegrams") },
+      h("table", { id: "telegrams" }, h("thead", {}, h("tr", {}, ["time", "name", "way", "what"].map((key) => h("th", { scope: "col" }, say(key))),
+        h("th", { scope: "col" }, "HEX"), h("th", { scope: "col" }, "ASCII"))), body)));
+  want({ telegrams: true });
   return {
-    telegram(told) {
-      if (told.none) { main.append(h("p", {}, say("noTaps"))); return; }
-      body.prepend(h("tr", {}, h("td", {}, new Date(told.ms).toISOString().slice(11, 23)), h("td", {}, told.cp), h("td", {}, ways[told.way] ?? ""),
-        h("td", {}, told.what, told.hex ? h("div", { class: "code quiet" }, `${told.hex.replace(/../g, "$& ")} ${text(told.hex)}`) : null)));
+    telegram(of) {
+      if (of.none) { main.append(h("p", {}, say("noTaps"))); return; }
+      rows.unshift(of);
+      if (rows.length > 1000) rows.pop();
+      if (paused || !sift(of)) return;
+      body.prepend(row(of));
       while (body.children.length > 200) body.lastElementChild.remove();
     },
-    leave() { state.telegrams = false; listen(); },
   };
 }

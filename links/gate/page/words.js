@@ -1,66 +1,132 @@
-// The words of the page: English and German, each once.
+// The words of the page: English and German, side by side.
+import { german, patterns } from "./german.js";
+
 const words = {
-  en: {
-    skip: "To the content", station: "Station", scan: "Scan", diagnostics: "Diagnostics", variables: "Variables",
-    program: "Program", telegrams: "Telegrams", reports: "Soak reports", telegramsHelp: "Telegrams on the lines of the CPs, decoded by their protocol; newest first. `ob1 trace` records them.", way: "Way", sent: "sent", received: "received", noTaps: "This link may not show telegrams, or there is no CP.", language: "Deutsch", login: "Log in", logout: "Log out",
-    user: "Name", password: "Password", cancel: "Cancel", ok: "OK", noConnection: "no connection, trying again",
-    loginWanted: "Log in to this station.", running: "The station runs.", starting: "The station starts up.",
-    held: "Held at a breakpoint",
-    stopped: "The station is in STOP.", stoppedBy: "Cause of the STOP:", lastStop: "Cause of the last STOP:",
-    orderly: "STOP was commanded.", noStop: "It has not been in STOP since it was started.", place: "Place",
-    remedy: "Remedy", because: "Held up by", since: "Since", mode: "Operating state", run: "RUN", stop: "STOP",
-    warm: "Warm restart", cold: "Cold restart", hot: "Hot restart", reset: "Memory reset",
-    confirmTitle: "Change the operating state?", confirm: "The machine may move. The station {1} gets the command {0}.",
-    mayNot: "Your right only allows reading: {0}.", modules: "Rack", present: "answers", absent: "does not answer",
-    driver: "driver", starts: "starts", restarted: "restarted", figures: "Figures", scans: "Scans", late: "Late scans",
-    overruns: "Overruns", missed: "Missed deadlines", watchdogs: "Watchdog", stands: "no cycle ends", uptime: "Runs for", memory: "Memory",
-    threads: "threads", links: "Links", up: "up", down: "down", execution: "Execution", cycle: "Cycle",
-    wake: "Wake-up after the deadline", upTo: "up to", count: "count", median: "median", greatest: "maximum",
-    cause: "Cause", delay: "Delay", what: "What", nothingLate: "No scan was late.", newest: "The newest late scans",
-    cps: "Buffers of the CPs", noEntries: "There are no entries.", gone: "gone", names: "Names, one a line",
-    namesHelp: "M1.0, MW10, DB10.DBW0, DB10.Motor.Speed, a symbol; :hex :bin :anzw :status choose a form.",
-    watch: "Watch", period: "every", save: "Save as", load: "Load", remove: "Delete", table: "Table", name: "Name",
-    type: "Type", value: "Value", write: "Write", newValue: "New value for {0}", written: "{0} is written (scan {1}).",
-    noTables: "no saved table", blocks: "Blocks", data: "Data blocks", symbols: "Symbols", find: "Uses of",
-    findHelp: "operand or symbol", statements: "statements", network: "network", line: "line", address: "Address",
-    toTable: "Watch its variables", instance: "instance of", noReports: "There are no reports.", verdict: "Verdict", budget: "Budget", measured: "Measured",
-    unused: "No statement uses it by its address.", perhaps: "What may reach it: the address is known at run time only.", printed: "without a source: printed from its statements",
-    more: "and more", event: "Event", serious: "What the operating system granted", copied: "Loaded.",
-    stack: "Where it was", calledBy: "called by", localData: "Local data",
-    loading: "…", closed: "Choose a block.",
-  },
-  de: {
-    skip: "Zum Inhalt", station: "Station", scan: "Zyklus", diagnostics: "Diagnose", variables: "Variablen",
-    program: "Programm", telegrams: "Telegramme", reports: "Dauerläufe", telegramsHelp: "Telegramme auf den Leitungen der CPs, nach ihrem Protokoll entschlüsselt; das neueste zuerst. `ob1 trace` zeichnet sie auf.", way: "Richtung", sent: "gesendet", received: "empfangen", noTaps: "Diese Kopplung darf keine Telegramme zeigen, oder es gibt keinen CP.", language: "English", login: "Anmelden", logout: "Abmelden",
-    user: "Name", password: "Kennwort", cancel: "Abbrechen", ok: "OK", noConnection: "keine Verbindung, neuer Versuch",
-    loginWanted: "Melden Sie sich an dieser Station an.", running: "Die Station läuft.", starting: "Die Station läuft an.",
-    held: "Hält am Haltepunkt",
-    stopped: "Die Station ist in STOP.", stoppedBy: "Ursache des STOP:", lastStop: "Ursache des letzten STOP:",
-    orderly: "STOP wurde verlangt.", noStop: "Sie war seit ihrem Start nicht in STOP.", place: "Stelle",
-    remedy: "Abhilfe", because: "Aufgehalten durch", since: "Seit", mode: "Betriebszustand", run: "RUN", stop: "STOP",
-    warm: "Neustart (Warmstart)", cold: "Kaltstart", hot: "Wiederanlauf", reset: "Urlöschen",
-    confirmTitle: "Betriebszustand ändern?", confirm: "Die Maschine kann sich bewegen. Die Station {1} erhält den Befehl {0}.",
-    mayNot: "Ihre Rechte erlauben nur das Ansehen: {0}.", modules: "Baugruppen", present: "antwortet",
-    absent: "antwortet nicht", driver: "Treiber", starts: "Starts", restarted: "neu gestartet", figures: "Zahlen",
-    scans: "Zyklen", late: "Verspätete Zyklen", overruns: "Überläufe", missed: "Versäumte Termine",
-    watchdogs: "Zyklusüberwachung", stands: "kein Zyklus endet", uptime: "Läuft seit", memory: "Speicher", threads: "Threads",
-    links: "Kopplungen", up: "da", down: "weg", execution: "Bearbeitung", cycle: "Zykluszeit",
-    wake: "Aufwachen nach dem Termin", upTo: "bis", count: "Anzahl", median: "Median", greatest: "größte",
-    cause: "Ursache", delay: "Verzug", what: "Was", nothingLate: "Kein Zyklus war verspätet.",
-    newest: "Die jüngsten verspäteten Zyklen", cps: "Puffer der CPs", noEntries: "Keine Einträge.", gone: "gegangen",
-    names: "Namen, je Zeile einer",
-    namesHelp: "M1.0, MW10, DB10.DBW0, DB10.Motor.Drehzahl, ein Symbol; :hex :bin :anzw :status wählen eine Form.",
-    watch: "Beobachten", period: "alle", save: "Speichern als", load: "Laden", remove: "Löschen", table: "Tabelle",
-    name: "Name", type: "Typ", value: "Wert", write: "Steuern", newValue: "Neuer Wert für {0}",
-    written: "{0} ist geschrieben (Zyklus {1}).", noTables: "keine gespeicherte Tabelle", blocks: "Bausteine",
-    data: "Datenbausteine", symbols: "Symbole", find: "Verwendungen von", findHelp: "Operand oder Symbol",
-    statements: "Anweisungen", network: "Netzwerk", line: "Zeile", address: "Adresse",
-    toTable: "Variablen beobachten", instance: "Instanz von", noReports: "Keine Berichte.", verdict: "Urteil", budget: "Grenze", measured: "Gemessen",
-    unused: "Keine Anweisung verwendet es mit seiner Adresse.", perhaps: "Was es erreichen kann: Die Adresse steht erst zur Laufzeit fest.", printed: "ohne Quelle: aus den Anweisungen gedruckt",
-    more: "und weitere", event: "Ereignis", serious: "Zusagen des Betriebssystems", copied: "Geladen.", loading: "…",
-    stack: "Wo es war", calledBy: "aufgerufen von", localData: "Lokaldaten",
-    closed: "Wählen Sie einen Baustein.",
-  },
+  skip: ["To the content", "Zum Inhalt"], station: ["Station", "Station"], scan: ["Scan", "Zyklus"],
+  io: ["I/O", "E/A"], diagnostics: ["Diagnostics", "Diagnose"], variables: ["Variables", "Variablen"],
+  program: ["Program", "Programm"], telegrams: ["Telegrams", "Telegramme"], reports: ["Soak reports", "Dauerläufe"],
+  language: ["Deutsch", "English"], login: ["Log in", "Anmelden"], logout: ["Log out", "Abmelden"], menu: ["Menu", "Menü"],
+  pages: ["Pages", "Seiten"], user: ["Name", "Name"], password: ["Password", "Kennwort"], cancel: ["Cancel", "Abbrechen"],
+  close: ["Close", "Schließen"], back: ["Back", "Zurück"], again: ["Try again", "Erneut versuchen"],
+  noConnection: ["No connection, trying again", "Keine Verbindung, neuer Versuch"],
+  tooLate: ["No answer within {0} s", "Keine Antwort innerhalb von {0} s"],
+  asOf: ["No connection: as of {0}, trying again", "Keine Verbindung: Stand von {0}, neuer Versuch"],
+  loading: ["Loading …", "Lädt …"], loginWanted: ["Log in to this station.", "Melden Sie sich an dieser Station an."],
+
+  running: ["The station runs.", "Die Station läuft."], starting: ["The station starts up.", "Die Station läuft an."],
+  held: ["The station holds at a breakpoint.", "Die Station hält am Haltepunkt."],
+  stopped: ["The station is in STOP.", "Die Station ist in STOP."], stoppedBy: ["Cause of the STOP:", "Ursache des STOP:"],
+  lastStop: ["Last STOP:", "Letzter STOP:"], orderly: ["STOP was commanded.", "STOP wurde verlangt."],
+  noStop: ["It has not been in STOP since it was started.", "Sie war seit ihrem Start nicht in STOP."],
+  sinceThen: ["since {0}", "seit {0}"], place: ["Place", "Stelle"], remedy: ["Remedy", "Abhilfe"],
+  because: ["Held up by", "Aufgehalten durch"], stack: ["Where it was", "Wo es war"], calledBy: ["called by", "aufgerufen von"],
+  localData: ["Local data", "Lokaldaten"], mode: ["Operating state", "Betriebszustand"],
+
+  run: ["RUN", "RUN"], stop: ["STOP", "STOP"], warm: ["Warm restart", "Neustart (Warmstart)"], cold: ["Cold restart", "Kaltstart"],
+  hot: ["Hot restart", "Wiederanlauf"], reset: ["Memory reset", "Urlöschen"],
+  ask_run: ["Start the station {0}?", "Station {0} starten?"], ask_stop: ["Stop the station {0}?", "Station {0} anhalten?"],
+  ask_warm: ["Warm restart of {0}?", "Neustart (Warmstart) von {0}?"], ask_cold: ["Cold restart of {0}?", "Kaltstart von {0}?"],
+  ask_hot: ["Hot restart of {0}?", "Wiederanlauf von {0}?"], ask_reset: ["Memory reset of {0}?", "{0} urlöschen?"],
+  tell_run: ["The machine may move: the program runs and drives the outputs. From STOP it starts warm.",
+    "Die Maschine kann sich bewegen: Das Programm läuft und steuert die Ausgänge. Aus STOP heraus ist es ein Warmstart."],
+  tell_stop: ["The machine stops: the program ends its cycle, all outputs are switched off. What hangs, falls or coasts may move.",
+    "Die Maschine hält an: Das Programm beendet seinen Zyklus, alle Ausgänge werden abgeschaltet. Was hängt, fallen oder nachlaufen kann, kann sich bewegen."],
+  tell_warm: ["The machine may move: OB 100 runs, then the program. Data blocks keep their values; bit memory, timers and counters only where they are retentive.",
+    "Die Maschine kann sich bewegen: OB 100 läuft, danach das Programm. Datenbausteine behalten ihre Werte; Merker, Zeiten und Zähler nur, wo sie remanent sind."],
+  tell_cold: ["The machine may move: OB 102 (or OB 100) runs, then the program. All values begin anew, retentive ones too; data blocks with those of the program.",
+    "Die Maschine kann sich bewegen: OB 102 (oder OB 100) läuft, danach das Programm. Alle Werte beginnen neu, auch die remanenten; Datenbausteine mit denen des Programms."],
+  tell_hot: ["The machine may move: OB 101 runs, then the program goes on where it was interrupted. All values stay.",
+    "Die Maschine kann sich bewegen: OB 101 läuft, danach geht das Programm an der Unterbrechungsstelle weiter. Alle Werte bleiben."],
+  tell_reset: ["All values are lost:", "Alle Werte gehen verloren:"],
+  lose: ["bit memory, timers and counters, retentive ones too|all values of data blocks: they begin with those of the program|what the program has created with SFC 22",
+    "Merker, Zeiten und Zähler, auch remanente|alle Werte der Datenbausteine: sie beginnen mit denen des Programms|was das Programm mit SFC 22 angelegt hat"],
+  mayNot: ["Your rights allow looking only ({0}).", "Ihre Rechte erlauben nur das Ansehen ({0})."],
+
+  modules: ["Modules", "Baugruppen"], present: ["answers", "antwortet"], absent: ["does not answer", "antwortet nicht"],
+  driver: ["driver", "Treiber"], restarted: ["restarted", "neu gestartet"], figures: ["Figures", "Zahlen"],
+  scans: ["Cycles", "Zyklen"], late: ["Late cycles", "Verspätete Zyklen"], overruns: ["Overruns", "Überläufe"],
+  missed: ["Missed deadlines", "Versäumte Termine"], watchdogs: ["Cycle monitoring expired", "Zyklusüberwachung abgelaufen"],
+  stands: ["no cycle ends", "kein Zyklus endet"], uptime: ["Runtime", "Laufzeit"], memory: ["Memory", "Speicher"],
+  threads: ["threads", "Threads"], links: ["Links", "Kopplungen"], up: ["up", "da"], down: ["down", "weg"],
+  forced: ["forced", "geforct"], forcedAll: ["Forced", "Geforct"], cpErrors: ["CPs with an error", "CPs mit Fehler"], none: ["none", "keine"],
+  cycleNow: ["Cycle: typical", "Zykluszeit: typisch"], cycleMax: ["Longest cycle", "Größte Zykluszeit"],
+  execution: ["Execution", "Bearbeitungszeit"], cycle: ["From cycle to cycle", "Zyklusabstand"],
+  wake: ["Wake-up after the deadline", "Aufwachen nach dem Termin"], upTo: ["up to", "bis"], count: ["count", "Anzahl"],
+  median: ["median", "Median"], greatest: ["longest", "größte"], cause: ["Cause", "Ursache"], delay: ["Delay", "Verzug"],
+  what: ["What", "Was"], nothingLate: ["No cycle was late.", "Kein Zyklus war verspätet."],
+  newest: ["The newest late cycles", "Die jüngsten verspäteten Zyklen"],
+  history: ["The last ten minutes, as long as this page is open", "Die letzten zehn Minuten, solange diese Seite offen ist"],
+  historyText: ["Execution time each second: the line is the median, the marks are the 99 % value; now {0}, greatest {1}.",
+    "Bearbeitungszeit jede Sekunde: die Linie ist der Median, die Striche der 99-%-Wert; jetzt {0}, größte {1}."],
+  what_sched: ["What the operating system granted", "Zusagen des Betriebssystems"],
+
+  noEntries: ["There are no entries.", "Keine Einträge."], gone: ["gone", "gegangen"], csv: ["Download as CSV", "Als CSV laden"],
+  number: ["Number", "Nummer"], event: ["Event", "Ereignis"], time: ["Time", "Zeit"], text: ["Text", "Text"],
+
+  names: ["Names, one a line", "Namen, je Zeile einer"],
+  namesHelp: ["M1.0, MW10, DB10.DBW0, DB10.Motor.Speed, a symbol; :hex :bin :anzw :status choose a form.",
+    "M1.0, MW10, DB10.DBW0, DB10.Motor.Drehzahl, ein Symbol; :hex :bin :anzw :status wählen eine Form."],
+  watch: ["Watch", "Beobachten"], period: ["every", "alle"], save: ["Save as", "Speichern als"], load: ["Load", "Laden"],
+  remove: ["Delete", "Löschen"], table: ["Table", "Tabelle"], name: ["Name", "Name"], type: ["Type", "Typ"], value: ["Value", "Wert"],
+  write: ["Write", "Steuern"], writeName: ["Write {0}", "{0} steuern"], newValue: ["New value", "Neuer Wert"],
+  presentValue: ["Present value", "Aktueller Wert"], allowedForm: ["Allowed", "Erlaubt"],
+  written: ["{0} is written (cycle {1}).", "{0} ist geschrieben (Zyklus {1})."],
+  noTables: ["no saved table", "keine gespeicherte Tabelle"], notKept: ["This browser keeps nothing.", "Dieser Browser bewahrt nichts auf."],
+  form_BOOL: ["TRUE or FALSE", "TRUE oder FALSE"], form_BYTE: ["0 to 255, 16#0 to 16#FF", "0 bis 255, 16#0 bis 16#FF"],
+  form_WORD: ["0 to 65535, 16#0 to 16#FFFF", "0 bis 65535, 16#0 bis 16#FFFF"],
+  form_DWORD: ["0 to 4294967295, 16#0 to 16#FFFF_FFFF", "0 bis 4294967295, 16#0 bis 16#FFFF_FFFF"],
+  form_INT: ["-32768 to 32767", "-32768 bis 32767"], form_DINT: ["-2147483648 to 2147483647", "-2147483648 bis 2147483647"],
+  form_REAL: ["a number with a point: 1.5, 2e-3", "eine Zahl mit Punkt: 1.5, 2e-3"],
+  form_TIME: ["T#1d2h3m4s5ms", "T#1d2h3m4s5ms"], form_S5TIME: ["S5T#1h2m3s, up to 2h46m30s", "S5T#1h2m3s, bis 2h46m30s"],
+  form_DATE: ["D#2026-11-29", "D#2026-11-29"], form_TIME_OF_DAY: ["TOD#19:31:02.125", "TOD#19:31:02.125"],
+  form_DATE_AND_TIME: ["DT#2026-11-29-19:31:02.125", "DT#2026-11-29-19:31:02.125"], form_CHAR: ["one character: 'A'", "ein Zeichen: 'A'"],
+  form_STRING: ["a text in quotes: 'lemonade'", "ein Text in Hochkommas: 'Limonade'"],
+  form_other: ["as ob1 set takes it", "wie ob1 set es nimmt"],
+
+  blocks: ["Blocks", "Bausteine"], data: ["Data blocks", "Datenbausteine"], symbols: ["Symbols", "Symbole"],
+  find: ["Uses of", "Verwendungen von"], findHelp: ["operand or symbol", "Operand oder Symbol"], search: ["Find", "Suchen"],
+  filter: ["Filter", "Filter"], statements: ["statements", "Anweisungen"], network: ["Network", "Netzwerk"], line: ["line", "Zeile"],
+  address: ["Address", "Adresse"], toTable: ["Watch its variables", "Variablen beobachten"], instance: ["instance of", "Instanz von"],
+  instances: ["Instance", "Instanz"], anyInstance: ["any instance", "jede Instanz"], access: ["Access", "Zugriff"], via: ["Through", "Über"],
+  unused: ["No statement uses it by its address.", "Keine Anweisung verwendet es mit seiner Adresse."],
+  perhaps: ["What may reach it: the address is known at run time only.", "Was es erreichen kann: Die Adresse steht erst zur Laufzeit fest."],
+  printed: ["without a source: printed from its statements", "ohne Quelle: aus den Anweisungen gedruckt"],
+  more: ["and more", "und weitere"], closed: ["Choose a block.", "Wählen Sie einen Baustein."], view: ["View", "Ansicht"],
+  registers: ["RLO STA ACCU1", "VKE STA AKKU1"], stl: ["STL", "AWL"], lad: ["LAD", "KOP"], fbd: ["FBD", "FUP"], live: ["Live", "Beobachten ein/aus"],
+  print: ["Print", "Drucken"], emptyNetwork: ["empty", "leer"], asStatements: ["as statements: {0}", "als Anweisungen: {0}"],
+  power: ["has power", "führt Strom"], noPower: ["has none", "führt keinen"], notRun: ["did not run, or not known", "nicht gelaufen oder nicht bekannt"],
+  live_whole: ["Live: OB {0}{1}", "Live: OB {0}{1}"], live_stopped: ["The CPU went to STOP in this pass.", "Die CPU ging in diesem Durchlauf in STOP."],
+  live_not_called: ["The block is not called.", "Der Baustein wird nicht aufgerufen."],
+  live_too_long: ["Not watched: [cpu] test_load does not allow it.", "Nicht beobachtet: [cpu] test_load erlaubt es nicht."],
+  live_full: ["Two others watch the program already.", "Zwei andere beobachten das Programm bereits."],
+  live_changed: ["The block has been changed: open it again.", "Der Baustein wurde geändert: öffnen Sie ihn neu."],
+  live_trouble: ["No values.", "Keine Werte."], networkSilent: ["not run in this pass", "in diesem Durchlauf nicht gelaufen"],
+
+  whyOff: ["Why is {0} off?", "Warum ist {0} aus?"], whyOn: ["Why is {0} on?", "Warum ist {0} ein?"], whyAsk: ["Why? {0}", "Warum? {0}"],
+  whyBlock: ["Is {0} called?", "Wird {0} aufgerufen?"],
+  why_by: ["Its value comes from", "Den Wert gab"], why_left: ["Left as it was by", "Unverändert gelassen von"],
+  why_led: ["Not reached: led away by", "Nicht erreicht: vorbeigeführt von"],
+  why_unreached: ["The statements that write it were not reached.", "Die Anweisungen, die es schreiben, wurden nicht erreicht."],
+  why_none: ["No statement writes it by its address.", "Keine Anweisung schreibt es mit seiner Adresse."],
+  why_noCall: ["No statement calls it.", "Keine Anweisung ruft ihn auf."],
+  why_input: ["It is an input: the sensor, its cable or the module decides.", "Es ist ein Eingang: Geber, Leitung oder Baugruppe entscheiden."],
+  why_notCalled: ["{0} is not called, so nothing writes it:", "{0} wird nicht aufgerufen, also schreibt es nichts:"],
+  why_places: ["Written at", "Geschrieben an"], why_decides: ["decides", "entscheidet"],
+  why_many: ["More than one of these must change.", "Mehr als eines davon muss sich ändern."],
+  why_open: ["Not everything is known: others may decide as well.", "Nicht alles ist bekannt: Auch anderes kann entscheiden."],
+  why_inside: ["What {0} does there", "Was {0} dort tut"], why_scans: ["What is asked there", "Was dort abgefragt wird"],
+  showBlock: ["Show {0}", "{0} zeigen"],
+
+  inputs: ["Inputs", "Eingänge"], outputs: ["Outputs", "Ausgänge"], noIo: ["No module has inputs or outputs of its own.", "Keine Baugruppe hat eigene Ein- oder Ausgänge."],
+  ioHelp: ["Tap a channel to learn why it is on or off.", "Tippen Sie einen Kanal an, um zu erfahren, warum er ein oder aus ist."],
+
+  telegramsHelp: ["Telegrams on the lines of the CPs, decoded by their protocol; newest first. ob1 trace records them.",
+    "Telegramme auf den Leitungen der CPs, nach ihrem Protokoll entschlüsselt; das neueste zuerst. ob1 trace zeichnet sie auf."],
+  way: ["Way", "Richtung"], sent: ["sent", "gesendet"], received: ["received", "empfangen"], pause: ["Pause", "Anhalten"], goOn: ["Go on", "Weiter"],
+  handshake: ["Handshake", "Handshake"], errorsOnly: ["Errors only", "Nur Fehler"], download: ["Download", "Laden"],
+  noTaps: ["This link may not show telegrams, or there is no CP.", "Diese Kopplung darf keine Telegramme zeigen, oder es gibt keinen CP."],
+
+  noReports: ["There are no reports.", "Keine Berichte."], verdict: ["Verdict", "Urteil"], budget: ["Budget", "Grenze"], measured: ["Measured", "Gemessen"],
 };
 
 // What a CP waits for or what has failed: its text comes in English, so only the German words are here.
@@ -79,8 +145,8 @@ const reasons = {
 export function reason(of) {
   const text = language === "de" ? reasons[of.why] : null;
   const hex = `${of.number.toString(16).toUpperCase().padStart(of.number > 255 ? 4 : 2, "0")}h`;
-  const told = { number: of.number, hex, count: of.count, age: of.age_s };
-  return text?.replace(/\{(\w+)\}/g, (_, key) => told[key]) ?? of.text;
+  const about = { number: of.number, hex, count: of.count, age: of.age_s };
+  return text?.replace(/\{(\w+)\}/g, (_, key) => about[key]) ?? of.text;
 }
 
 const kept = () => { try { return localStorage.getItem("ob1-language"); } catch { return null; } };
@@ -94,8 +160,24 @@ export function switchLanguage() {
 }
 
 export function say(key, ...values) {
-  const text = words[language][key] ?? key;
+  const text = words[key]?.[language === "de" ? 1 : 0] ?? key;
   return values.reduce((told, value, at) => told.replace(`{${at}}`, value), text);
 }
 
-export const keys = () => [Object.keys(words.en), Object.keys(words.de)];
+export const has = (key) => key in words;
+
+const phrases = Object.entries(german).sort(([one], [other]) => other.length - one.length);
+
+/** What the station says in English, in the language of the page. */
+export function told(text) {
+  if (language !== "de" || !text) return text;
+  if (german[text]) return german[text];
+  for (const [pattern, words] of patterns) {
+    if (pattern.test(text)) return text.replace(pattern, (_, ...parts) => words(...parts));
+  }
+  const found = phrases.find(([english]) => english.length > 8 && text.includes(english));
+  return found ? text.replace(found[0], found[1]) : text;
+}
+
+/** Each text in both languages, for tests. */
+export const all = () => words;

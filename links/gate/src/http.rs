@@ -38,7 +38,7 @@ const CLIENTS: usize = 64;
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Only the page's own files may run, be shown or be requested.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
+const POLICY: &str = "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// A complete request.

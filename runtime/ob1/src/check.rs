@@ -228,7 +228,8 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
 /// The program as its sources have it.
 fn sources_text(program: &ob1_ir::Program, library: &ob1_stl::Library, language: Language) -> String {
     let read = |file: &str| Some(ob1_stl::Source::new(file, files::read(Path::new(file), files::LONGEST).ok()?));
-    source_view::text(&source_view::view(program, library, &read, language.wanted()), program)
+    let all = ob1_stl::CrossReference::new(program, library);
+    source_view::text(&source_view::view(&all, library, &read, language.wanted()), program)
 }
 
 fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {

@@ -19,6 +19,7 @@ use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
 use crate::list::{self, ListArgs};
 use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
+use crate::print::{self, PrintArgs};
 use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
 use crate::show::{self, ShowArgs};
@@ -91,6 +92,7 @@ enum Command {
     Compare(CompareArgs),
     Diff(DiffArgs),
     Show(ShowArgs),
+    Print(PrintArgs),
     Load(LoadArgs),
     Restart(RestartArgs),
     List(ListArgs),
@@ -233,6 +235,7 @@ impl Command {
             Command::Check(args) => check::check(&args),
             Command::Xref(args) => xref::xref(&args),
             Command::Show(args) => show::show(&args),
+            Command::Print(args) => print::print(&args),
             Command::Load(args) => load::load(&args),
             Command::Restart(args) => restart::restart(&args),
             Command::List(args) => list::list(&args),

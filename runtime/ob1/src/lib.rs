@@ -23,6 +23,7 @@ pub mod list;
 mod live_text;
 pub mod load;
 pub mod new;
+pub mod print;
 pub mod remote;
 pub mod restart;
 pub mod show;

@@ -82,7 +82,7 @@ impl Asking<'_> {
                 let all: Vec<&TermStatus> = if deciding.is_empty() { why.terms.iter().collect() } else { deciding };
                 let next = all.into_iter().filter(|term| !term.ask.is_empty() && term.is_written);
                 let mut next: Vec<(usize, String, Inside)> =
-                    next.map(|term| (depth + 1, term.ask.clone(), Inside::default())).collect();
+                    next.map(|term| (depth + 1, term.ask.clone(), term.inside.clone().unwrap_or_default())).collect();
                 // What the called block does there.
                 next.extend(why.inside.clone().map(|inside| (depth + 1, inside.ask.clone(), inside)));
                 // A block that is not called is asked about one level deeper.
@@ -133,9 +133,7 @@ impl Asking<'_> {
             let answer = *answer.ok_or_else(|| AccessError::Refused("the station cannot say why".into()))?;
             block += 1;
             let more = block < answer.blocks.len();
-            // Of several blocks the last one that gave the bit the value it has.
-            let rank = |why: &WhyStatus| (why.outcome != "not called", !why.skipped, why.took_effect && why.now == now);
-            if best.as_ref().is_none_or(|best| rank(&answer) >= rank(best)) {
+            if best.as_ref().is_none_or(|best| answer.rank(now) >= best.rank(now)) {
                 best = Some(answer);
             }
             if !more {

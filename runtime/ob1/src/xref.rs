@@ -108,7 +108,7 @@ fn list(all: impl Iterator<Item = Value>) -> Exit {
 }
 
 /// The uses of one operand.
-fn uses(all: &CrossReference<'_>, asked: &Asked, wanted: &str, json: bool) -> Exit {
+fn uses(all: &CrossReference<&Program>, asked: &Asked, wanted: &str, json: bool) -> Exit {
     let uses = match all.find(wanted) {
         Ok(uses) => uses,
         Err(unknown) => {
@@ -146,7 +146,7 @@ fn told(uses: &Uses<'_>, asked: &Asked) -> String {
     text
 }
 
-fn unused(all: &CrossReference<'_>, asked: &Asked, json: bool) -> Exit {
+fn unused(all: &CrossReference<&Program>, asked: &Asked, json: bool) -> Exit {
     let unused = all.unused();
     if json {
         return list(unused.iter().map(|symbol| json!({ "symbol": symbol.name, "address": symbol.address })));
@@ -160,7 +160,7 @@ fn unused(all: &CrossReference<'_>, asked: &Asked, json: bool) -> Exit {
     Exit::Ok
 }
 
-fn twice(all: &CrossReference<'_>, asked: &Asked, json: bool) -> Exit {
+fn twice(all: &CrossReference<&Program>, asked: &Asked, json: bool) -> Exit {
     let twice = all.written_twice();
     if json {
         let name = |name: &String| ob1_stl::in_set(name, asked.set);

@@ -1,14 +1,14 @@
 //! A program as others see it: names, places, blocks, what differs from the sources.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use ob1_access::Names;
 use ob1_access::door::BlockFact;
 use ob1_cpu::DiagEntry;
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, BlockKind};
-use ob1_stl::Library;
+use ob1_stl::{CrossReference, Library};
 use parking_lot::RwLock;
 
 use crate::access::protocol::Download;
@@ -74,6 +74,8 @@ pub struct KnownProgram {
     pub not_kept: Option<String>,
     /// Checksums of system data and of the program, each of 32 bits: another program has others.
     pub sums: [u32; 2],
+    /// See [`KnownProgram::cross_reference`].
+    pub(crate) cross_reference: OnceLock<CrossReference<Arc<Program>>>,
 }
 
 impl KnownProgram {
@@ -90,7 +92,13 @@ impl KnownProgram {
             downloads: Vec::new(),
             images: BTreeMap::new(),
             not_kept: None,
+            cross_reference: OnceLock::new(),
         }
+    }
+
+    /// Who uses what: made when it is asked for first, by the thread that asks.
+    pub fn cross_reference(&self) -> &CrossReference<Arc<Program>> {
+        self.cross_reference.get_or_init(|| CrossReference::new(Arc::clone(&self.program), &self.library))
     }
 
     /// Lists the system data blocks among the images.

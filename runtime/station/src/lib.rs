@@ -11,7 +11,7 @@ pub mod out;
 
 pub mod access;
 pub mod assembly;
-pub mod block_name;
+pub use ob1_access::block_name;
 pub mod bus_view;
 pub mod compiling;
 pub mod download;

@@ -2,6 +2,7 @@
 //! block without a source as it is printed.
 
 use std::collections::BTreeMap;
+use std::ops::Deref;
 
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::BlockId;
@@ -42,12 +43,13 @@ pub const fn word(set: Mnemonics) -> &'static str {
 
 /// The program; `read` gives the text of a source, `set` another set of mnemonics than that of the sources.
 #[must_use]
-pub fn view(
-    program: &Program,
+pub fn view<P: Deref<Target = Program>>(
+    all: &CrossReference<P>,
     library: &Library,
     read: &dyn Fn(&str) -> Option<Source>,
     set: Option<Mnemonics>,
 ) -> SourceView {
+    let program = all.program();
     let used: Vec<&String> = program.sources.iter().collect();
     let texts: Vec<Option<Source>> = used.iter().map(|file| read(file)).collect();
     let decoded: Vec<_> = texts.iter().map(|text| text.as_ref().map(Source::text).unwrap_or_default()).collect();
@@ -62,8 +64,7 @@ pub fn view(
         };
         files.push((ob1_stl::block_lines(text), shown));
     }
-    let all = CrossReference::new(program, library);
-    let notes = notes(&all, wanted);
+    let notes = notes(all, wanted);
     let callees = |id: BlockId| {
         let own = program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
         own.or_else(|| library.get(id).map(|block| &block.interface))
@@ -83,7 +84,7 @@ pub fn view(
 /// The symbols of operands, by block and line.
 type Notes = BTreeMap<(BlockId, u32), Vec<(String, String)>>;
 
-fn notes(all: &CrossReference<'_>, set: Mnemonics) -> Notes {
+fn notes<P>(all: &CrossReference<P>, set: Mnemonics) -> Notes {
     let mut notes = Notes::new();
     for reference in all.all.iter().filter(|reference| reference.line > 0) {
         let Some(symbol) = &reference.symbol else { continue };
@@ -155,13 +156,17 @@ mod tests {
 
     #[test]
     fn a_block_is_shown_as_its_source_in_its_own_set_and_in_the_other() {
-        let symbol =
-            |name: &str, address: &str| ob1_ir::Symbol { name: name.into(), address: address.into(), ty: None };
+        let symbol = |name: &str, address: &str| ob1_ir::Symbol {
+            name: name.into(),
+            address: address.into(),
+            ..ob1_ir::Symbol::default()
+        };
         let options = ob1_stl::Options { symbols: vec![symbol("Start", "I 0.0")], ..ob1_stl::Options::default() };
         let output = ob1_stl::compile(&[Source::new("lamp.awl", TEXT)], &Library::new(), &options);
         assert!(output.is_good(), "{:?}", output.diagnostics);
         let read = |file: &str| (file == "lamp.awl").then(|| Source::new(file, TEXT));
-        let own = view(&output.program, &Library::new(), &read, None);
+        let all = CrossReference::new(&output.program, &Library::new());
+        let own = view(&all, &Library::new(), &read, None);
         assert_eq!(own.mnemonics, "de");
         let said = text(&own, &output.program);
         for part in
@@ -170,10 +175,10 @@ mod tests {
             assert!(said.contains(part), "{part}\n{said}");
         }
         assert!(!said.contains("before"));
-        let other = view(&output.program, &Library::new(), &read, Some(Mnemonics::International));
+        let other = view(&all, &Library::new(), &read, Some(Mnemonics::International));
         let said = text(&other, &output.program);
         assert!(said.contains("m1: A I 0.0; // the start button    [I 0.0 \"Start\"]"), "{said}");
-        let without = view(&output.program, &Library::new(), &|_| None, Some(Mnemonics::International));
+        let without = view(&all, &Library::new(), &|_| None, Some(Mnemonics::International));
         assert!(text(&without, &output.program).contains("A I 0.0"), "{}", text(&without, &output.program));
     }
 }

@@ -75,6 +75,8 @@ pub struct ModuleView {
     pub type_name: &'static str,
     /// Its first byte.
     pub address: u32,
+    /// Process inputs and outputs: first byte and how many.
+    pub channels: [[u32; 2]; 2],
     /// The segment of a CP.
     pub monitor: Option<Monitor>,
     /// The driver of a CP.
@@ -94,7 +96,14 @@ impl ModuleView {
             (None, ModuleKind::Remote { .. }) => ("coupler", config.input_address),
             (None, _) => ("inputs", config.input_address),
         };
-        Self { name: config.name.clone(), cp, type_name, address, monitor: None, driver: None }
+        let channels = match config.kind {
+            ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } | ModuleKind::Remote { .. } => [
+                [config.input_address, config.input_bytes().into()],
+                [config.output_address, config.output_bytes().into()],
+            ],
+            _ => [[0; 2]; 2],
+        };
+        Self { name: config.name.clone(), cp, type_name, address, channels, monitor: None, driver: None }
     }
 
     fn status(&self, present: bool, now: Instant) -> ModuleStatus {
@@ -115,6 +124,8 @@ impl ModuleView {
             name: self.name.clone(),
             type_name: self.type_name.to_owned(),
             address: self.address,
+            inputs: self.channels[0],
+            outputs: self.channels[1],
             present,
             leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
@@ -299,7 +310,15 @@ mod tests {
             cp.emit_event(Event::new(number, EventKind::Message, 1, &[]));
         }
         let monitor = Some(side.monitor().clone());
-        let view = ModuleView { name: "cp".into(), cp: None, type_name: "cp240", address: 256, monitor, driver: None };
+        let view = ModuleView {
+            name: "cp".into(),
+            cp: None,
+            type_name: "cp240",
+            address: 256,
+            channels: [[0; 2]; 2],
+            monitor,
+            driver: None,
+        };
         let counters = view.status(true, Instant::START).counters;
         assert_eq!((counters.len(), counters.get(EVENTS_LOST)), (Counter::ALL.len() + 1, Some(&6)));
         for number in [0x07, 0x07, 0x0708] {

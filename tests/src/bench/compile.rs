@@ -92,6 +92,7 @@ pub(super) fn program(statements: usize) -> (String, Vec<Symbol>) {
                 name: format!("Motor_{number}"),
                 address: format!("M {byte}.4"),
                 ty: Some(DataType::Bool),
+                ..Symbol::default()
             });
             let _ = write!(
                 text,

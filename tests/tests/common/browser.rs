@@ -54,6 +54,12 @@ impl Browser {
         browser
     }
 
+    /// Back, and forward.
+    pub(crate) fn there_and_back(&self) {
+        self.call("POST", "/back", &json!({}));
+        self.call("POST", "/forward", &json!({}));
+    }
+
     /// Whether it has ended, or ends within a short time.
     fn ended(&self) -> bool {
         Watched::find(self.driver.id()).is_none_or(|process| process.ends_within(PAUSE))
@@ -80,6 +86,19 @@ impl Browser {
 
     pub(crate) fn go(&self, url: &str) {
         self.call("POST", "/url", &json!({ "url": url }));
+    }
+
+    /// Opens one more tab and turns to it; its name.
+    pub(crate) fn tab(&self) -> String {
+        let made = self.call("POST", "/window/new", &json!({ "type": "tab" }));
+        let name = made["handle"].as_str().expect("a tab").to_owned();
+        self.to_tab(&name);
+        name
+    }
+
+    /// Turns to a tab.
+    pub(crate) fn to_tab(&self, name: &str) {
+        self.call("POST", "/window", &json!({ "handle": name }));
     }
 
     /// Runs a script in the page and returns its result.

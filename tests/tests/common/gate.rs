@@ -253,6 +253,22 @@ pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16, u16
     (station, page, figures)
 }
 
+/// A press with a guard (tests/stations/press) with these keys for its page.
+pub(crate) fn press(site: &Site, name: &str, keys: &str) -> (Running, u16) {
+    let page = free_port();
+    let folder = checkout("tests/stations/press");
+    for file in ["press.awl", "press.sdf"] {
+        std::fs::copy(folder.join(file), site.path(file)).expect("a file of the station");
+    }
+    let file = std::fs::read_to_string(folder.join("station.toml")).expect("a station");
+    let file = file.replace("name = \"press\"", &format!("name = \"{name}\""));
+    let link = format!("[[link]]\ntype = \"web\"\nname = \"web\"\nlisten = \"127.0.0.1:{page}\"\n{keys}\n");
+    site.write("station.toml", &(file + &link));
+    let station = site.run("station.toml").until_run();
+    station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
+    (station, page)
+}
+
 /// Adds a user to a file with the command.
 pub(crate) fn add_user(site: &Site, file: &str, name: &str, rights: &str, password: &str) {
     let mut command = site.command(program("ob1-gate"));

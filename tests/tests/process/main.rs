@@ -4,6 +4,7 @@
 mod common;
 
 mod browser;
+mod browser_program;
 mod compare;
 mod cp341;
 mod cp343;

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! source "pump.awl"
-//! symbol "start" "E 0.0" BOOL
+//! symbol "start" "E 0.0" says "button on" BOOL
 //! block FC 1 source 0 instance 0 local 4 "MIX"
 //!   IN "x" @0.0 INT
 //!   1/12 L PAR0W+0

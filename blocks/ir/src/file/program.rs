@@ -61,8 +61,9 @@ fn read(line: &mut Cursor<'_>, program: &mut Program, inside: &mut Inside) -> Ex
         program.sources.push(line.quoted()?);
     } else if line.eat("symbol ") {
         let (name, address) = (line.quoted()?, line.quoted()?);
+        let comment = if line.eat("says ") { line.quoted()? } else { String::new() };
         let ty = if line.is_empty() { None } else { Some(line.ty()?) };
-        program.symbols.push(Symbol { name, address, ty });
+        program.symbols.push(Symbol { name, address, ty, comment });
     } else if line.eat("block ") {
         let id = line.block()?;
         line.need("source")?;

@@ -220,6 +220,7 @@ fn what_is_written_reads_as_it_was() {
             name: random.text(),
             address: random.text(),
             ty: if random.below(2) == 0 { Some(random.ty(1)) } else { None },
+            comment: if random.below(2) == 0 { random.text() } else { String::new() },
         };
         let program = Program {
             symbols: (0..random.below(3)).map(|_| symbol(&mut random)).collect(),

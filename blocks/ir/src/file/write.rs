@@ -24,6 +24,9 @@ fn put(program: &Program, text: &mut String) -> fmt::Result {
     }
     for symbol in &program.symbols {
         write!(text, "symbol {:?} {:?}", symbol.name, symbol.address)?;
+        if !symbol.comment.is_empty() {
+            write!(text, " says {:?}", symbol.comment)?;
+        }
         match &symbol.ty {
             Some(ty) => writeln!(text, " {}", type_line(ty))?,
             None => writeln!(text)?,

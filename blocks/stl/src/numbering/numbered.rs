@@ -15,6 +15,6 @@ pub struct Numbered {
 impl Numbered {
     /// The name as a symbol.
     pub fn symbol(&self) -> Symbol {
-        Symbol { name: self.name.clone(), address: self.id.to_string(), ty: None }
+        Symbol { name: self.name.clone(), address: self.id.to_string(), ..Symbol::default() }
     }
 }

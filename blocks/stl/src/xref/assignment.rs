@@ -2,8 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::ops::Deref;
 
-use ob1_ir::Symbol;
+use ob1_ir::{Program, Symbol};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind};
 
 use super::extent::{Extent, Wanted};
@@ -163,7 +164,7 @@ pub struct WrittenTwice<'x> {
     pub writers: Vec<&'x Reference>,
 }
 
-impl CrossReference<'_> {
+impl<P: Deref<Target = Program>> CrossReference<P> {
     /// What is used of inputs, outputs, bit memory, timers and counters.
     #[must_use]
     pub fn assignment(&self) -> Assignment {

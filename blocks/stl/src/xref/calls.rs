@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::ops::Deref;
 
 use ob1_ir::{CodeBlock, Number, Op, Program, Target};
 use ob1_model::{BlockId, BlockKind};
@@ -21,11 +22,11 @@ struct Called<'p> {
     network: u16,
 }
 
-impl CrossReference<'_> {
+impl<P: Deref<Target = Program>> CrossReference<P> {
     /// The call structure as text: each block is opened where it stands first. Then the blocks that nothing calls.
     #[must_use]
     pub fn calls(&self) -> String {
-        let program = self.program;
+        let program: &Program = &self.program;
         let blocks: BTreeMap<BlockId, &CodeBlock> = program.blocks.iter().map(|block| (block.id, block)).collect();
         let mut out = String::new();
         let mut opened = BTreeSet::new();

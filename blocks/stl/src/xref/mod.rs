@@ -10,6 +10,7 @@ mod text;
 mod writers;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Deref;
 
 use ob1_ir::{Number, Op, Program, Symbol, Target};
 use ob1_model::{BlockId, Interface};
@@ -112,16 +113,16 @@ pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
     collect::collect(program, &interfaces)
 }
 
-/// A cross-reference that can be asked.
+/// A cross-reference that can be asked. `P` leads to its program: `&Program`, or `Arc<Program>` for one that is kept.
 #[derive(Debug)]
-pub struct CrossReference<'p> {
-    program: &'p Program,
+pub struct CrossReference<P> {
+    program: P,
     /// All uses, sorted by operand, then by place.
     pub all: Vec<Reference>,
     instances: Instances,
     words: Words,
     /// What the symbols of the table stand for.
-    symbols: Vec<(Wanted, &'p str)>,
+    symbols: Vec<(Wanted, String)>,
 }
 
 /// The uses of one operand.
@@ -135,14 +136,21 @@ pub struct Uses<'x> {
     pub found: Vec<(Match, &'x Reference)>,
 }
 
-impl<'p> CrossReference<'p> {
+impl<P: Deref<Target = Program>> CrossReference<P> {
     /// Of a program that calls blocks of a library.
     #[must_use]
-    pub fn new(program: &'p Program, library: &Library) -> Self {
+    pub fn new(program: P, library: &Library) -> Self {
         let words = Words::of_both();
-        let meaning = |symbol: &'p Symbol| Some((query::of_symbol(symbol, &words)?.0, symbol.name.as_str()));
+        let meaning = |symbol: &Symbol| Some((query::of_symbol(symbol, &words)?.0, symbol.name.clone()));
         let symbols = program.symbols.iter().filter_map(meaning).collect();
-        Self { program, all: xref_with(program, library), instances: instances(program), words, symbols }
+        let (all, instances) = (xref_with(&program, library), instances(&program));
+        Self { program, all, instances, words, symbols }
+    }
+
+    /// Its program.
+    #[must_use]
+    pub fn program(&self) -> &Program {
+        &self.program
     }
 
     /// The uses of an operand, in either set of mnemonics; of a symbol, a component, a block; of a part: `DB 10`, `E

@@ -1,6 +1,7 @@
 //! What is asked for: an operand in either set of mnemonics, a symbol, a component, a part of one of these.
 
 use std::fmt;
+use std::ops::Deref;
 
 use ob1_ir::{Operand, Place, Program, Symbol, Width};
 use ob1_model::{Area, BlockKind, Component, Layout};
@@ -43,8 +44,8 @@ pub(super) struct Question {
     pub(super) symbol: Option<String>,
 }
 
-pub(super) fn parse(text: &str, x: &CrossReference<'_>) -> Result<Question, Unknown> {
-    let (program, words, all) = (x.program, &x.words, x.all.as_slice());
+pub(super) fn parse<P: Deref<Target = Program>>(text: &str, x: &CrossReference<P>) -> Result<Question, Unknown> {
+    let (program, words, all) = (&*x.program, &x.words, x.all.as_slice());
     let trimmed = text.trim();
     let question = |wanted, name: String, symbol| Question { wanted, name, symbol };
     if let Some(symbol) = symbol(trimmed, program)
@@ -53,7 +54,7 @@ pub(super) fn parse(text: &str, x: &CrossReference<'_>) -> Result<Question, Unkn
         return Ok(question(wanted, name, Some(symbol.name.clone())));
     }
     if let Some((wanted, name)) = component(trimmed, x).or_else(|| address(&trimmed.replace('"', ""), words)) {
-        let symbol = x.symbols.iter().find(|(of, _)| *of == wanted).map(|(_, name)| (*name).to_owned());
+        let symbol = x.symbols.iter().find(|(of, _)| *of == wanted).map(|(_, name)| name.clone());
         return Ok(question(wanted, name, symbol));
     }
     if trimmed.eq_ignore_ascii_case(AT_RUN_TIME) {
@@ -128,8 +129,8 @@ fn of_operand(operand: Operand, written: &str) -> Option<(Wanted, String)> {
 }
 
 /// `DB10.pump[2].speed`, `"Recipe".pump`: a component or what it is part of.
-fn component(text: &str, x: &CrossReference<'_>) -> Option<(Wanted, String)> {
-    let program = x.program;
+fn component<P: Deref<Target = Program>>(text: &str, x: &CrossReference<P>) -> Option<(Wanted, String)> {
+    let program: &Program = &x.program;
     let (block, path) = split_path(text)?;
     let block = block.trim().trim_matches('"');
     let number = |data: &&ob1_ir::DataBlock| {
@@ -163,7 +164,7 @@ fn split_path(text: &str) -> Option<(&str, &str)> {
 
 /// An address: whole, or an area, a byte without its bit, a kind of block.
 fn address(text: &str, words: &Words) -> Option<(Wanted, String)> {
-    let whole = Symbol { name: String::new(), address: text.to_owned(), ty: None };
+    let whole = Symbol { address: text.to_owned(), ..Symbol::default() };
     if let Some(found) = of_symbol(&whole, words) {
         return Some(found);
     }

@@ -1,14 +1,15 @@
 //! Who writes a bit, timer or counter, and which blocks a call leads to.
 
 use std::collections::BTreeSet;
+use std::ops::Deref;
 
-use ob1_ir::{BitTest, Number, Op, Place, Target};
+use ob1_ir::{BitTest, Number, Op, Place, Program, Target};
 use ob1_model::{Area, BlockId};
 
 use super::extent::{Match, Wanted};
 use super::{Access, CrossReference, Reference};
 
-impl CrossReference<'_> {
+impl<P: Deref<Target = Program>> CrossReference<P> {
     /// The statements that certainly write what a scan reads, calls with their parameters included.
     pub fn writers(&self, test: &BitTest) -> Vec<&Reference> {
         let wanted = match *test {

@@ -108,7 +108,8 @@ pub(crate) fn library() -> Library {
 
 /// A few symbols.
 pub(crate) fn symbols() -> Vec<Symbol> {
-    let symbol = |name: &str, address: &str, ty| Symbol { name: name.into(), address: address.into(), ty };
+    let symbol =
+        |name: &str, address: &str, ty| Symbol { name: name.into(), address: address.into(), ty, ..Symbol::default() };
     vec![
         symbol("Motor", "A 4.0", Some(Bool)),
         symbol("Speed", "MW 30", Some(Int)),

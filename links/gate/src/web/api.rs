@@ -22,7 +22,7 @@ use super::sessions::{self, HOST};
 use crate::http::{Call, Reply, plain, query, reply};
 
 /// Within this time concurrent requests share one document.
-const AGE: Duration = Duration::from_millis(800);
+pub(super) const AGE: Duration = Duration::from_millis(800);
 /// How long a browser is known after a login, in seconds.
 const KNOWN: u32 = 180 * 24 * 3600;
 /// Entries of the diagnostic buffer that are shown.
@@ -99,7 +99,7 @@ impl Page {
         let client = self.client(call);
         send(&json!({
             "station": welcome.station, "link": welcome.link, "family": welcome.family,
-            "users": self.users.is_some(),
+            "users": self.users.is_some(), "reports": self.reports.is_some(),
             "user": client.as_ref().map(|client| client.who().user.clone()),
             "right": client.as_ref().map(|client| right_name(client.right())),
         }))
@@ -278,12 +278,15 @@ pub(super) fn entry(entry: &Diagnosis) -> Value {
 
 /// The newest STOP of these entries (newest first), its cause, and whether the station has run since.
 fn why(entries: &[Diagnosis]) -> Value {
+    let since = entries.iter().find(|entry| change(entry).is_some()).map(|entry| wall(&entry.wall));
     let stopped = |found: &&Diagnosis| matches!(change(found), Some("stop" | "fault"));
-    let Some(stop) = entries.iter().find(stopped) else { return json!({ "stop": null, "cause": null, "over": true }) };
+    let Some(stop) = entries.iter().find(stopped) else {
+        return json!({ "since": since, "stop": null, "cause": null, "over": true });
+    };
     let before = entries.iter().find(|other| other.number + 1 == stop.number);
     let cause = before.filter(|other| change(stop) == Some("fault") && change(other).is_none());
     let over = entries.iter().any(|other| other.number > stop.number && change(other) == Some("run"));
-    json!({ "stop": entry(stop), "cause": cause.map(entry), "over": over })
+    json!({ "since": since, "stop": entry(stop), "cause": cause.map(entry), "over": over })
 }
 
 #[cfg(test)]

@@ -2,7 +2,12 @@
 
 mod api;
 mod files;
+mod flow;
+mod insight;
+mod io;
+mod ladder;
 mod program;
+mod reason;
 mod sessions;
 mod stack;
 mod stream;
@@ -36,6 +41,10 @@ pub(super) struct Page {
     taps: Option<std::path::PathBuf>,
     /// The open event streams.
     streams: stream::Streams,
+    /// The program as it is explained.
+    insight: insight::Newest,
+    /// The blocks that are watched.
+    flows: flow::Flows,
 }
 
 /// Serves a link of type `web`.
@@ -53,6 +62,8 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
         reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
         taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
         streams: stream::Streams::default(),
+        insight: insight::Newest::default(),
+        flows: flow::Flows::default(),
         station,
     };
     http::serve(link, Rc::new(page)).await
@@ -101,9 +112,12 @@ impl Page {
             ("diagnostics", true) => self.diagnostics(&client).await,
             ("why", true) => self.why(&client).await,
             ("status" | "timing" | "buffers" | "links", true) => self.document(&what).await,
-            ("program", true) => program::overview(&self.station, &self.allowed).await,
-            ("block", true) => program::block(&self.station, &self.allowed, &call.query).await,
-            ("xref", true) => program::xref(&self.station, &self.allowed, &call.query).await,
+            ("program", true) => program::overview(&self).await,
+            ("block", true) => program::block(&self, &call.query).await,
+            ("xref", true) => program::xref(&self, &call.query).await,
+            ("io", true) => self.io().await,
+            ("drawing", true) => self.drawing(&call.query).await,
+            ("reason", true) => self.reason(&call.query).await,
             ("reports", true) => self.reports(&call.query),
             ("write", false) => self.write(&client, &call.body).await,
             ("command", false) => self.command(&client, &call.body).await,

@@ -1,38 +1,34 @@
 //! The program: its blocks, their statements, declarations of data blocks, and cross references.
 
-use std::sync::Arc;
-use std::time::Duration;
-
 use hyper::StatusCode;
-use ob1_access::door::Document;
-use ob1_access::{Allowed, Cell};
-use ob1_gate_core::{Catalog, Station, Trouble};
-use ob1_ir::{CodeBlock, DataBlock, DataKind};
+use ob1_access::{Allowed, Cell, Names};
+use ob1_ir::{CodeBlock, DataBlock, DataKind, Program};
 use ob1_model::{BitAddr, DataType};
-use ob1_stl::{CrossReference, Library, Match, Mnemonics, Reference, Unknown, in_set};
+use ob1_stl::{Match, Reference, Unknown, in_set};
 use serde_json::{Value, json};
 
 use super::api::{send, trouble};
+use super::insight::Insight;
+use super::{Page, ladder};
 use crate::http::{Reply, plain, query};
 
 /// Maximum of references shown at a time.
 const REFERENCES: usize = 500;
 
 /// A link that is limited to some cells does not show statements: they tell of all others.
-fn hidden() -> Reply {
+pub(super) fn hidden() -> Reply {
     plain(StatusCode::FORBIDDEN, "this link does not show the program: see its keys `areas`, `blocks` and `program`")
 }
 
 /// All blocks, and the symbols; where the program is hidden, the data blocks and symbols that may be read.
-pub(super) async fn overview(station: &Station, allowed: &Allowed) -> Reply {
-    match station.catalog().await {
-        Ok(catalog) => send(&listed(&catalog, allowed)),
+pub(super) async fn overview(page: &Page) -> Reply {
+    match page.insight.get(&page.station).await {
+        Ok(insight) => send(&listed(insight.all.program(), &insight.names, &page.allowed)),
         Err(why) => trouble(&why),
     }
 }
 
-fn listed(catalog: &Catalog, allowed: &Allowed) -> Value {
-    let program = &catalog.program;
+fn listed(program: &Program, names: &Names, allowed: &Allowed) -> Value {
     let is_shown = allowed.has_program();
     let code = |block: &CodeBlock| {
         json!({
@@ -49,13 +45,13 @@ fn listed(catalog: &Catalog, allowed: &Allowed) -> Value {
     };
     let mut blocks: Vec<&CodeBlock> = program.blocks.iter().filter(|_| is_shown).collect();
     blocks.sort_by_key(|block| block.id);
-    let has = |name: &str| catalog.names.parse(name).is_ok_and(|item| allowed.has(item.cell));
+    let has = |name: &str| names.parse(name).is_ok_and(|item| allowed.has(item.cell));
     let symbols = program.symbols.iter().filter(|symbol| is_shown || has(&symbol.name));
     let seen = program.data.iter().filter(|block| is_seen(block, allowed));
     json!({
         "blocks": blocks.into_iter().map(code).collect::<Vec<_>>(),
         "data": seen.map(data).collect::<Vec<_>>(),
-        "symbols": symbols.map(|s| json!([s.name, s.address])).collect::<Vec<_>>(),
+        "symbols": symbols.map(|s| json!([s.name, s.address, s.comment])).collect::<Vec<_>>(),
     })
 }
 
@@ -64,26 +60,26 @@ fn is_seen(block: &DataBlock, allowed: &Allowed) -> bool {
     allowed.has_program() || allowed.has(Cell::Db(block.number, 0))
 }
 
-/// `?id=FC 1`: its statements; `?id=DB 10`: its declarations.
-pub(super) async fn block(station: &Station, allowed: &Allowed, asked: &str) -> Reply {
-    let catalog = match station.catalog().await {
-        Ok(catalog) => catalog,
+/// `?id=FC 1`: its lines and networks; `?id=DB 10`: its declarations.
+pub(super) async fn block(page: &Page, asked: &str) -> Reply {
+    let allowed = &page.allowed;
+    let insight = match page.insight.get(&page.station).await {
+        Ok(insight) => insight,
         Err(why) => return trouble(&why),
     };
     let id = query(asked, "id").unwrap_or_default();
-    let program = &catalog.program;
+    let program = insight.all.program();
     let number = id.strip_prefix("DB ").and_then(|number| number.parse().ok());
     if number.is_none() && !allowed.has_program() {
         return hidden();
     }
-    if let Some(block) = program.blocks.iter().find(|block| block.id.to_string() == id) {
-        let sources = match sources(station).await {
-            Ok(sources) => sources,
-            Err(why) => return trouble(&why),
-        };
+    if let Some(block) = insight.block(&id) {
+        let text = insight.text(block.id);
+        let instances = program.data.iter().filter(|data| data.kind == DataKind::Instance(block.id));
         return send(&json!({
-            "id": id, "name": block.name, "source": sources["blocks"][&id]["file"],
-            "lines": sources["blocks"][&id]["lines"],
+            "id": id, "name": block.name, "source": text.map(|text| &text.file), "lines": text.map(|text| &text.lines),
+            "networks": ladder::heads(&insight.networks(block)),
+            "instances": instances.map(|data| data.number).collect::<Vec<_>>(),
         }));
     }
     match number.and_then(|number: u16| program.data.iter().find(|block| block.number == number)) {
@@ -95,15 +91,6 @@ pub(super) async fn block(station: &Station, allowed: &Allowed, asked: &str) -> 
         }
         None => plain(StatusCode::NOT_FOUND, "there is no such block"),
     }
-}
-
-/// How old the lines of the program may be: it changes with a download only.
-const SOURCES: Duration = Duration::from_secs(10);
-
-/// The blocks as their sources have them.
-async fn sources(station: &Station) -> Result<Value, Trouble> {
-    let text = station.document(Document::Sources, SOURCES).await?;
-    serde_json::from_slice(&text).map_err(|error| Trouble::Program(error.to_string()))
 }
 
 /// A declaration, and the members of a structure below it.
@@ -120,26 +107,23 @@ fn rows(db: u16, path: &str, at: BitAddr, ty: &DataType) -> Vec<Value> {
 }
 
 /// `?operand=MW 10`: what reaches an operand in either set of mnemonics, a symbol, a component, a block or a part.
-pub(super) async fn xref(station: &Station, allowed: &Allowed, asked: &str) -> Reply {
-    if !allowed.has_program() {
+pub(super) async fn xref(page: &Page, asked: &str) -> Reply {
+    if !page.allowed.has_program() {
         return hidden();
     }
-    let (catalog, sources) = match (station.catalog().await, sources(station).await) {
-        (Ok(catalog), Ok(sources)) => (catalog, sources),
-        (Err(why), _) | (_, Err(why)) => return trouble(&why),
+    let insight = match page.insight.get(&page.station).await {
+        Ok(insight) => insight,
+        Err(why) => return trouble(&why),
     };
-    let set = if sources["mnemonics"] == "en" { Mnemonics::International } else { Mnemonics::German };
     let wanted = query(asked, "operand").unwrap_or_default();
-    match tokio::task::spawn_blocking(move || references(&catalog, &wanted, set)).await {
-        Ok(Ok(found)) => send(&found),
-        Ok(Err(unknown)) => plain(StatusCode::NOT_FOUND, format!("{unknown}. {}", unknown.remedy)),
-        Err(error) => plain(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+    match references(&insight, &wanted) {
+        Ok(found) => send(&found),
+        Err(unknown) => plain(StatusCode::NOT_FOUND, format!("{unknown}. {}", unknown.remedy)),
     }
 }
 
-fn references(catalog: &Arc<Catalog>, wanted: &str, set: Mnemonics) -> Result<Value, Unknown> {
-    let all = CrossReference::new(&catalog.program, &Library::new());
-    let uses = all.find(wanted)?;
+fn references(insight: &Insight, wanted: &str) -> Result<Value, Unknown> {
+    let (uses, set) = (insight.all.find(wanted)?, insight.set);
     let symbol = |symbol: &Option<String>| symbol.as_ref().map(|s| format!(" \"{s}\"")).unwrap_or_default();
     // Those that are certain first: of the others there may be many.
     let mut found = uses.found;
@@ -164,12 +148,13 @@ mod tests {
         let text = "symbol \"start\" \"E 0.0\" BOOL\nsymbol \"level\" \"DB7.DBW 0\" INT\ndata DB 7 \"TANK\" of FB 3\n  at \
                     \"level\" @0.0 INT\n  bytes 00FF\ndata DB 20 \"RECIPE\" of FB 3\n  at \"acid\" @0.0 INT\n  bytes 00FF\n";
         let program = ob1_ir::parse(text).expect("a program");
-        let catalog = Catalog { names: ob1_access::Names::new(&program), program };
+        let names = Names::new(&program);
         let all = Allowed::default();
         let few = Allowed::of(Some(&["DB".to_owned()]), Some(&["DB7".to_owned()])).expect("right");
-        let count = |allowed: &Allowed, key: &str| listed(&catalog, allowed)[key].as_array().map_or(0, Vec::len);
+        let count =
+            |allowed: &Allowed, key: &str| listed(&program, &names, allowed)[key].as_array().map_or(0, Vec::len);
         assert_eq!((count(&all, "data"), count(&all, "symbols")), (2, 2));
-        assert_eq!((count(&few, "data"), count(&few, "symbols")), (1, 1), "{}", listed(&catalog, &few));
+        assert_eq!((count(&few, "data"), count(&few, "symbols")), (1, 1), "{}", listed(&program, &names, &few));
         assert_eq!(count(&few.with_program(Some(true)), "data"), 2);
     }
 }

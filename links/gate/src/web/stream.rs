@@ -14,9 +14,11 @@ use ob1_gate_core::{Client, Trouble, Watch, network};
 use serde_json::{Value, json};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
+use tokio::task::JoinSet;
 use tokio::time::{interval, timeout};
 
 use super::api::entry;
+use super::ladder::Shown;
 use super::{Page, taps};
 use crate::http::{Body, Call, Reply, plain, query};
 
@@ -28,6 +30,8 @@ const WAITING: usize = 32;
 const DEAF: Duration = Duration::from_secs(20);
 /// Time between two reads of the station's figures.
 const STATUS: Duration = Duration::from_secs(1);
+/// Maximum of blocks that a page watches.
+const FLOWS: usize = 8;
 /// Maximum variables of a table, and the limits of its period in milliseconds.
 const ITEMS: usize = 500;
 const PERIODS: (u64, u64) = (100, 60_000);
@@ -74,17 +78,21 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
         return plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages show this station: close another one");
     };
     let (to, parts) = mpsc::channel(WAITING);
-    let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
+    let header = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
+    // A page that asks for something else opens its stream anew, without the header.
+    let after = header.or_else(|| query(&call.query, "after")?.parse().ok());
     let items = query(&call.query, "items").unwrap_or_default();
     let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
     let left = page.sessions.left(&call.headers);
     let logged_in = mark(page, &client);
     let page = Rc::clone(page);
     let telegrams = query(&call.query, "telegrams").is_some();
+    let flows = query(&call.query, "flows").filter(|_| page.allowed.has_program()).unwrap_or_default();
     tokio::task::spawn_local(async move {
         let _counted = counted;
         let taps = if telegrams { taps::open(&page).await } else { None };
         let period = period.clamp(PERIODS.0, PERIODS.1);
+        let _flows = watch(&page, &flows, &to);
         let _ = run(&page, (&client, logged_in, &left), &to, after, (&items, period), taps).await;
     });
     let mut reply = hyper::Response::new(Body::Parts(parts));
@@ -92,6 +100,26 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     // nginx holds an answer back until a buffer is full, unless it is told not to.
     reply.headers_mut().insert("x-accel-buffering", HeaderValue::from_static("no"));
     reply
+}
+
+/// Passes through the blocks that are shown, one a line; they end with this.
+fn watch(page: &Rc<Page>, flows: &str, to: &To) -> JoinSet<()> {
+    let mut tasks = JoinSet::new();
+    for text in flows.lines().take(FLOWS) {
+        let Some(shown) = Shown::parse(text) else { continue };
+        let (mut sight, to, of) = (page.watch(shown), to.clone(), text.to_owned());
+        tasks.spawn_local(async move {
+            while let Some(told) = sight.next().await {
+                // What is told is JSON already.
+                let data =
+                    format!("{{\"of\":{},\"told\":{}}}", json!(of), if told.is_empty() { "null" } else { &told });
+                if say(&to, "flow", None, &data).await.is_err() {
+                    return;
+                }
+            }
+        });
+    }
+    tasks
 }
 
 /// [`ob1_gate_core::Users::mark`] of the client's user now.

@@ -2,13 +2,12 @@
 
 pub(crate) mod flowing;
 pub(crate) mod paint;
-mod texts;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ob1_ir::{CodeBlock, Symbol};
+use ob1_ir::CodeBlock;
 use ob1_ladder::svg::{heading, svg};
 use ob1_ladder::tree::Tree;
 use ob1_ladder::{Form, NamesShown, Network, Options, Reason, View, draw, line, read, text};
@@ -110,8 +109,8 @@ pub fn show(args: &ShowArgs) -> Exit {
 /// A program with what its networks are shown by.
 pub(crate) struct Shown {
     pub(crate) side: Side,
-    symbols: BTreeMap<String, String>,
-    mnemonics: Mnemonics,
+    pub(crate) symbols: BTreeMap<String, String>,
+    pub(crate) mnemonics: Mnemonics,
 }
 
 /// A block, ready to be shown.
@@ -128,7 +127,7 @@ impl Shown {
             Language::En => Mnemonics::International,
             Language::Auto => own_mnemonics(&side),
         };
-        let symbols = symbols(&side.program.symbols, mnemonics);
+        let symbols = ob1_ladder::symbols(&side.program.symbols, mnemonics);
         Self { side, symbols, mnemonics }
     }
 
@@ -139,7 +138,8 @@ impl Shown {
 
     pub(crate) fn ready<'s>(&'s self, block: &'s CodeBlock) -> Ready<'s> {
         let text = self.side.sources.get(&block.id);
-        let listing = text.map(|text| texts::listing(block, text)).unwrap_or_default();
+        let listing =
+            text.map(|text| ob1_ladder::listing(block, &text.lines().collect::<Vec<_>>())).unwrap_or_default();
         let callees = |id| self.interface(id);
         let view = View { mnemonics: self.mnemonics, callees: &callees, symbols: &self.symbols, listing: &listing };
         Ready { block, networks: view.networks(block), listing }
@@ -150,7 +150,7 @@ impl Shown {
     }
 
     /// Why its statements are not shown.
-    fn hidden(&self, id: BlockId) -> Option<String> {
+    pub(crate) fn hidden(&self, id: BlockId) -> Option<String> {
         let hidden = self.side.protected.contains(&id);
         hidden.then(|| format!("{id} is know-how protected: it runs, and its statements are not printed"))
     }
@@ -164,7 +164,7 @@ impl Shown {
     }
 
     /// The statements of a network, as they are printed.
-    fn statements(&self, ready: &Ready<'_>, network: u16) -> Vec<String> {
+    pub(crate) fn statements(&self, ready: &Ready<'_>, network: u16) -> Vec<String> {
         let callees = |id| self.interface(id);
         let printer = Printer::new(self.mnemonics, &callees).with_symbols(&self.symbols);
         let of = |at: usize| ready.block.code.get(at).is_some_and(|stmt| stmt.network == network);
@@ -209,31 +209,6 @@ fn own_mnemonics(side: &Side) -> Mnemonics {
         }
     }
     if international > german { Mnemonics::International } else { Mnemonics::German }
-}
-
-/// The symbols by their addresses in a set of mnemonics: a table has them in its own.
-fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
-    let german = mnemonics != Mnemonics::International;
-    let pairs = [("I", "E"), ("Q", "A"), ("C", "Z")];
-    let address = |text: &str| {
-        let text = text.trim();
-        let digits = text.find(|c: char| c.is_ascii_digit())?;
-        let (letters, number) = text.split_at(digits);
-        let letters = letters.trim().to_ascii_uppercase();
-        let (prefix, rest) =
-            letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
-        let mut rest = rest.to_owned();
-        for (international, own) in pairs {
-            let (from, to) = if german { (international, own) } else { (own, international) };
-            // Areas: E, EB, EW, ED; not a block or a type.
-            if let Some(width) = rest.strip_prefix(from).filter(|width| ["", "B", "W", "D"].contains(width)) {
-                rest = format!("{to}{width}");
-                break;
-            }
-        }
-        Some(format!("{prefix}{rest} {number}"))
-    };
-    all.iter().filter_map(|symbol| Some((address(&symbol.address)?, symbol.name.clone()))).collect()
 }
 
 fn run(args: &ShowArgs) -> Result<(), String> {
@@ -441,13 +416,15 @@ fn counted(shown: &Shown, only: Option<BlockId>) -> Counted {
 mod tests {
     use super::*;
     use crate::import::OfProject;
+    use ob1_ir::Symbol;
     use ob1_stl::{Library, Options as Compile, Source, compile};
 
     const TEXT: &str = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nTITLE = Pump\n// on demand\nU E 0.0;\n= A 4.0;\nNETWORK\nL 5;\n\
         T MW 2;\nL MW 4;\nNETWORK\nEND_FUNCTION\n";
 
     fn side(made: BTreeMap<BlockId, (Made, Vec<bool>)>) -> Side {
-        let symbol = |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ty: None };
+        let symbol =
+            |name: &str, address: &str| Symbol { name: name.into(), address: address.into(), ..Symbol::default() };
         let symbols = vec![symbol("Start", "I 0.0"), symbol("Motor", "Q 4.0")];
         let library = Library::new();
         let output = compile(&[Source::new("a", TEXT)], &library, &Compile { symbols, ..Compile::default() });

@@ -1,9 +1,10 @@
 //! Breakpoints and single step as the socket tells them.
 
+use ob1_access::why::{find_block, place_of};
 use ob1_model::{BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, PASS_WAIT, Resume};
 use serde::{Deserialize, Serialize};
 
-use super::pass::{code, named, place};
+use super::pass::named;
 use crate::known::KnownProgram;
 
 /// What is wanted.
@@ -139,7 +140,7 @@ fn breakpoint(known: &KnownProgram, text: &str) -> Result<Breakpoint, String> {
     };
     if let Some((block, line)) = text.split_once(':') {
         let (block, line) = (named(known, block.trim())?, number(line, "line")?);
-        let stmts = code(&known.program, block).map_or(&[][..], |block| &block.code);
+        let stmts = find_block(&known.program, block).map_or(&[][..], |block| &block.code);
         let found = stmts.iter().position(|stmt| stmt.line >= line);
         let statement = found.ok_or_else(|| {
             let last = stmts.iter().map(|stmt| stmt.line).max().unwrap_or(0);
@@ -170,10 +171,10 @@ pub(super) fn status(known: &KnownProgram, order: &DebugOrder, answer: DebugAnsw
         .stack
         .iter()
         .map(|at| {
-            let stmt = code(&known.program, at.block).and_then(|block| block.code.get(at.statement as usize));
+            let stmt = find_block(&known.program, at.block).and_then(|block| block.code.get(at.statement as usize));
             DebugBlock {
                 block: at.block.to_string(),
-                place: place(known, at.block, at.statement),
+                place: place_of(&known.program, at.block, at.statement),
                 statement: at.statement,
                 text: stmt.map_or_else(|| "end of the block".into(), |stmt| stmt.op.to_string()),
                 db: at.blocks[0],

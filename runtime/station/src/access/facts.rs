@@ -1,6 +1,7 @@
 //! What the broker needs to know of the station.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -13,6 +14,7 @@ use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
+use ob1_ir::{CodeBlock, Op, Program, Target};
 use ob1_mc7::{BlockImage, MachineBlock, Segments, addresses, decode};
 use ob1_model::{BlockId, CodeAddress, Forced};
 use ob1_time::{Instant, Span};
@@ -136,15 +138,49 @@ impl StationFacts {
     }
 }
 
+/// The program as a person reads it, and what its drawings need.
+#[derive(serde::Serialize)]
+struct Read {
+    #[serde(flatten)]
+    view: SourceView,
+    /// Checksum of the program: another one has another.
+    sum: u32,
+    /// The blocks it calls that are not its own, in the file form of `ob1_ir::file`.
+    library: String,
+}
+
+fn callees(block: &CodeBlock) -> impl Iterator<Item = BlockId> {
+    block.code.iter().filter_map(|stmt| match &stmt.op {
+        Op::Call(call) => match call.target {
+            Target::Block(id) | Target::Local(id, _) => Some(id),
+            Target::Indirect(..) => None,
+        },
+        _ => None,
+    })
+}
+
 fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
     serde_json::to_string(what).map(Some)
 }
 
 impl StationFacts {
-    fn sources(&self) -> SourceView {
+    fn sources(&self) -> Read {
         let known = self.view.known.get();
         let started = self.view.unix_at(Instant::START);
-        source_view::view(&known.program, &known.library, &|file| pass::source(file, started), None)
+        let read = |file: &str| pass::source(file, started);
+        // Of the library only what the program calls: names and parameters.
+        let called: BTreeSet<BlockId> = known.program.blocks.iter().flat_map(callees).collect();
+        let head = |id: BlockId| {
+            let block = known.library.get(id)?;
+            let (name, interface) = (Some(block.name.clone()), block.interface.clone());
+            Some(CodeBlock { id, name, interface, code: Vec::new(), source: 0 })
+        };
+        let library = Program { blocks: called.into_iter().filter_map(head).collect(), ..Program::default() };
+        Read {
+            view: source_view::view(known.cross_reference(), &known.library, &read, None),
+            sum: known.sums[1],
+            library: ob1_ir::write(&library),
+        }
     }
 }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use ob1_ir::{CodeBlock, Program};
+use ob1_access::why::{find_block, place_of};
+use ob1_ir::CodeBlock;
 use ob1_model::{BlockId, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_stl::print::{Listing, Printer};
 use ob1_stl::{Mnemonics, Source};
@@ -116,17 +117,13 @@ impl From<&PassLine> for Registers {
     }
 }
 
-pub(super) fn code(program: &Program, id: BlockId) -> Option<&CodeBlock> {
-    program.blocks.iter().find(|block| block.id == id)
-}
-
 pub(super) fn named(known: &KnownProgram, text: &str) -> Result<BlockId, String> {
     let by_name = || known.blocks.iter().find(|fact| !fact.name.is_empty() && fact.name.eq_ignore_ascii_case(text));
     let id = parse_block(text).or_else(|| by_name().map(|fact| fact.id));
     let id = id.ok_or_else(|| {
         format!("\"{text}\" is no block\n  = write OB 1, FC 5 or FB 20, or the name of a block of the program")
     })?;
-    if code(&known.program, id).is_some() {
+    if find_block(&known.program, id).is_some() {
         return Ok(id);
     }
     let mut there: Vec<BlockId> = known.program.blocks.iter().map(|block| block.id).collect();
@@ -142,7 +139,7 @@ pub(super) fn named(known: &KnownProgram, text: &str) -> Result<BlockId, String>
 pub(super) fn order(known: &KnownProgram, wanted: &PassWanted) -> Result<PassOrder, String> {
     let id = named(known, &wanted.block)?;
     let from = wanted.from.as_deref().map(|from| named(known, from)).transpose()?;
-    let stmts = code(&known.program, id).map_or(&[][..], |block| &block.code);
+    let stmts = find_block(&known.program, id).map_or(&[][..], |block| &block.code);
     let of_network = |network| {
         let first = stmts.iter().position(|stmt| stmt.network == network)?;
         Some((first, stmts.iter().rposition(|stmt| stmt.network == network)? + 1 - first))
@@ -193,11 +190,12 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
         }
         PassEnd::NoBlock => return Err(changed(id)),
     };
-    let block = code(&known.program, id).ok_or_else(|| changed(id))?;
+    let block = find_block(&known.program, id).ok_or_else(|| changed(id))?;
     if pass.end != PassEnd::NotCalled && pass.statements as usize != block.code.len() + 1 {
         return Err(changed(id));
     }
-    let caller = pass.caller.map_or_else(String::new, |(caller, statement)| place(known, caller, statement));
+    let caller =
+        pass.caller.map_or_else(String::new, |(caller, statement)| place_of(&known.program, caller, statement));
     let text = known.places.file(id).and_then(|file| source(file, started));
     let mut cut = Vec::new();
     if pass.cut > 0 {
@@ -225,15 +223,6 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
         lines,
         statements: Vec::new(),
     })
-}
-
-/// A statement: `FC 6, press.awl:14`.
-pub(super) fn place(known: &KnownProgram, id: BlockId, statement: u32) -> String {
-    let line = code(&known.program, id).and_then(|code| code.code.get(statement as usize)).map(|stmt| stmt.line);
-    match known.places.file(id).zip(line.filter(|line| *line > 0)) {
-        Some((file, line)) => format!("{id}, {file}:{line}"),
-        None => id.to_string(),
-    }
 }
 
 fn changed(id: BlockId) -> String {
@@ -285,7 +274,7 @@ fn of_source(block: &CodeBlock, order: &PassOrder, pass: &Pass, source: &Source)
 
 /// A block without its source: as it is printed, else its operations.
 fn of_statements(known: &KnownProgram, block: &CodeBlock, order: &PassOrder, pass: &Pass) -> Vec<LineStatus> {
-    let callees = |id| match code(&known.program, id) {
+    let callees = |id| match find_block(&known.program, id) {
         Some(block) => Some(&block.interface),
         None => known.library.get(id).map(|block| &block.interface),
     };

@@ -384,6 +384,12 @@ pub struct ModuleStatus {
     pub type_name: String,
     /// Logical address of its first input byte, or output byte if it has no inputs.
     pub address: u32,
+    /// Process inputs: first byte and how many.
+    #[serde(default)]
+    pub inputs: [u32; 2],
+    /// Process outputs: first byte and how many.
+    #[serde(default)]
+    pub outputs: [u32; 2],
     /// True while its driver answers.
     pub present: bool,
     /// LEDs that are lit, by name.

@@ -79,7 +79,7 @@ enum Then {
     Links,
     Diagnostics(u32),
     Pass(Arc<KnownProgram>, PassOrder, bool),
-    Why(Arc<KnownProgram>, Box<why::Question>),
+    Why(Arc<KnownProgram>, Box<ob1_access::why::Question>),
     Debug(Arc<KnownProgram>, DebugOrder),
     Load,
     Force,

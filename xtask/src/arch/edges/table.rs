@@ -130,6 +130,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-gate-mqtt",
             "ob1-gate-opcua",
             "ob1-ir",
+            // Networks as drawings, with power flow.
+            "ob1-ladder",
             "ob1-log",
             "ob1-model",
             "ob1-process",

@@ -1,12 +1,15 @@
 //! What the text of a source says besides its statements: titles and comments of networks, labels, how constants are
-//! written.
+//! written; and what the table of symbols says.
 
-use ob1_ir::{CodeBlock, Notation, Op};
+use std::collections::BTreeMap;
+
+use ob1_ir::{CodeBlock, Notation, Op, Symbol};
+use ob1_stl::Mnemonics;
 use ob1_stl::print::Listing;
 
-/// The listing of a block by its source.
-pub(crate) fn listing(block: &CodeBlock, text: &str) -> Listing {
-    let lines: Vec<&str> = text.lines().collect();
+/// The listing of a block by the lines of its source, from the first one on.
+#[must_use]
+pub fn listing(block: &CodeBlock, lines: &[&str]) -> Listing {
     let line = |number: u32| lines.get((number as usize).wrapping_sub(1)).copied().unwrap_or_default();
     let mut listing = Listing::default();
     for (at, stmt) in (0u32..).zip(&block.code) {
@@ -27,8 +30,34 @@ pub(crate) fn listing(block: &CodeBlock, text: &str) -> Listing {
             listing.labels.insert(to, label.to_owned());
         }
     }
-    listing.networks = networks(block, &lines);
+    listing.networks = networks(block, lines);
     listing
+}
+
+/// The symbols by their addresses in a set of mnemonics: a table has them in its own.
+#[must_use]
+pub fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
+    let german = mnemonics != Mnemonics::International;
+    let pairs = [("I", "E"), ("Q", "A"), ("C", "Z")];
+    let address = |text: &str| {
+        let text = text.trim();
+        let digits = text.find(|c: char| c.is_ascii_digit())?;
+        let (letters, number) = text.split_at(digits);
+        let letters = letters.trim().to_ascii_uppercase();
+        let (prefix, rest) =
+            letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
+        let mut rest = rest.to_owned();
+        for (international, own) in pairs {
+            let (from, to) = if german { (international, own) } else { (own, international) };
+            // Areas: E, EB, EW, ED; not a block or a type.
+            if let Some(width) = rest.strip_prefix(from).filter(|width| ["", "B", "W", "D"].contains(width)) {
+                rest = format!("{to}{width}");
+                break;
+            }
+        }
+        Some(format!("{prefix}{rest} {number}"))
+    };
+    all.iter().filter_map(|symbol| Some((address(&symbol.address)?, symbol.name.clone()))).collect()
 }
 
 /// A line without its comment.
@@ -105,7 +134,7 @@ mod tests {
                     U E 0.1;\nSPB next;\nNETWORK\nTITLE = the rest\nnext: NOP 0;\nL 1.5;\nT MD 4; // L 7\nEND_FUNCTION\n";
         let output = compile(&[Source::new("a", text)], &Library::new(), &Options::default());
         assert!(output.is_good(), "{:?}", output.diagnostics);
-        let listing = listing(&output.program.blocks[0], text);
+        let listing = listing(&output.program.blocks[0], &text.lines().collect::<Vec<_>>());
         let titles: Vec<(&str, &str)> = listing.networks.iter().map(|(t, c)| (t.as_str(), c.as_str())).collect();
         assert_eq!(titles, [("Pump on", " when there is water"), ("the rest", "")]);
         assert_eq!(listing.labels.values().collect::<Vec<_>>(), ["next"]);
