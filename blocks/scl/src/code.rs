@@ -37,6 +37,8 @@ pub(crate) struct Code {
     pub(crate) move_block: Option<BlockId>,
     /// Parameters of the function that are elementary, by their index among the formals.
     pub(crate) elementary: BTreeSet<u16>,
+    /// A function block.
+    pub(crate) has_instance: bool,
 }
 
 impl Code {
@@ -55,6 +57,7 @@ impl Code {
             concat: None,
             move_block: None,
             elementary: BTreeSet::new(),
+            has_instance: false,
         }
     }
 

@@ -294,6 +294,9 @@ impl<'c> Checker<'c> {
 
     fn power(&mut self, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         let (left, right) = (self.coerced(left, &REAL)?, self.coerced(right, &REAL)?);
+        if matches!(right.kind, Kind::Constant(one) if one == 1f32.to_bits()) {
+            return Some(Typed { span, ..left });
+        }
         Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
     }
 
@@ -460,18 +463,34 @@ pub(crate) fn flexible<'c>(constant: Constant, span: Span) -> Typed<'c> {
     Typed::new(Kind::Flexible(constant), ty, span)
 }
 
-/// `x * 2.0 * 3.0` as `x * 6.0`: Siemens' compiler multiplies real constants in a row.
+/// Siemens' compiler calculates with the real constants of a product: `x * 2.0 * 3.0` is `x * 6.0`, `1 / x * 1000` is
+/// `1000 / x`, and `c * x * y / 360.0` is `c / 360.0 * y * x`.
 fn one_factor<'c>(op: AccuOp, left: &Typed<'c>, right: &Typed<'c>, span: Span) -> Option<Typed<'c>> {
-    let (Kind::Arithmetic(AccuOp::Mul, value, first), Kind::Constant(second)) = (&left.kind, &right.kind) else {
-        return None;
-    };
-    let Kind::Constant(first) = first.kind else { return None };
-    if op != AccuOp::Mul || *left.ty != DataType::Real || *right.ty != DataType::Real {
+    let Kind::Constant(second) = right.kind else { return None };
+    if !matches!(op, AccuOp::Mul | AccuOp::Div) || *left.ty != DataType::Real || *right.ty != DataType::Real {
         return None;
     }
-    let product = f64::from(f32::from_bits(first)) * f64::from(f32::from_bits(*second));
-    let factor = Typed::new(Kind::Constant((product as f32).to_bits()), &REAL, right.span);
-    Some(Typed::new(Kind::Arithmetic(op, value.clone(), Box::new(factor)), &REAL, span))
+    let node = |op, a: Typed<'c>, b: Typed<'c>| Typed::new(Kind::Arithmetic(op, Box::new(a), Box::new(b)), &REAL, span);
+    // A factor with what it is a factor of.
+    let parts = |value: &Typed<'c>| match &value.kind {
+        Kind::Arithmetic(inner @ (AccuOp::Mul | AccuOp::Div), a, b) => match (&a.kind, &b.kind) {
+            (Kind::Constant(factor), _) => Some((*factor, *inner, (**b).clone())),
+            (_, Kind::Constant(factor)) if *inner == AccuOp::Mul => Some((*factor, *inner, (**a).clone())),
+            _ => None,
+        },
+        _ => None,
+    };
+    let folded = |first: u32| {
+        let (a, b) = (f64::from(f32::from_bits(first)), f64::from(f32::from_bits(second)));
+        let factor = if op == AccuOp::Mul { a * b } else { a / b };
+        Typed::new(Kind::Constant((factor as f32).to_bits()), &REAL, right.span)
+    };
+    if let Some((factor, inner, value)) = parts(left) {
+        return Some(node(inner, folded(factor), value));
+    }
+    let Kind::Arithmetic(AccuOp::Mul, inner, last) = &left.kind else { return None };
+    let (factor, AccuOp::Mul, value) = parts(inner)? else { return None };
+    Some(node(AccuOp::Mul, node(AccuOp::Mul, folded(factor), (**last).clone()), value))
 }
 
 /// NOT of a bit string.

@@ -74,6 +74,8 @@ pub(crate) enum Check {
     Bits(u32),
     /// The number before is no INT.
     Int,
+    /// The number before is not within a day.
+    Day,
     /// OV is set.
     Overflow,
     /// OV is set, or the number is no INT before the last step.

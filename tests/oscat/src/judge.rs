@@ -174,6 +174,8 @@ fn with_call(program: &Program, id: BlockId, interface: &Interface) -> Program {
     if instance {
         let params = interface.params.iter().filter(|p| p.section != Section::Temp);
         params.zip(&slots).for_each(|(p, slot)| prepare(p, slot, &mut image));
+    } else {
+        slots.iter().for_each(|slot| lengths(&slot.ty, slot.at, &mut image));
     }
     let mut region = vec![0; REGION_BYTES as usize];
     for slot in slots.iter().filter_map(|s| Some((s.region?, &s.ty))) {
@@ -425,7 +427,7 @@ impl<'p> Pair<'p> {
     pub fn listing(&self) -> String {
         let one = |name: &str, program: &Program| {
             let mut one = program.clone();
-            one.blocks.retain(|b| b.id == self.id);
+            one.blocks.retain(|b| b.id == self.id || b.id.to_string() == std::env::var("ALSO").unwrap_or_default());
             one.data.clear();
             one.symbols.clear();
             format!("--- {name}\n{}", ob1_stl::listing(&one))
