@@ -147,12 +147,18 @@ impl Code {
                 self.write_bytes(place, 0, &head);
                 self.write_bytes(place, 2, text);
             }
-            Kind::Call(call) if temporary => {
+            // Not into a component: that has the result cut by an assignment.
+            Kind::Call(call) if temporary && target.declared.is_none_or(|at| self.texts.contains(&at)) => {
                 let place = self.place(target);
                 self.call(call, Some(place));
             }
             Kind::Call(call) => {
-                if let Some(Place::Fixed(_, at)) = self.call(call, None) {
+                let result = self.call(call, None);
+                if temporary {
+                    let place = self.place(target);
+                    self.write_bytes(place, 0, &[max]);
+                }
+                if let Some(Place::Fixed(_, at)) = result {
                     self.join(&in_local(at), target);
                 }
             }

@@ -294,8 +294,11 @@ impl<'c> Checker<'c> {
 
     fn power(&mut self, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         let (left, right) = (self.coerced(left, &REAL)?, self.coerced(right, &REAL)?);
-        if matches!(right.kind, Kind::Constant(one) if one == 1f32.to_bits()) {
-            return Some(Typed { span, ..left });
+        // Siemens' compiler does these two without a logarithm.
+        match right.kind {
+            Kind::Constant(one) if one == 1f32.to_bits() => return Some(Typed { span, ..left }),
+            Kind::Constant(two) if two == 2f32.to_bits() => return self.math(MathFn::Sqr, left),
+            _ => {}
         }
         Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
     }

@@ -492,6 +492,15 @@ impl<'p> Pair<'p> {
                 );
             }
             if let Some(what) = difference(&sides, &self.programs[0], &self.interface, self.id) {
+                if std::env::var_os("DUMP").is_some() {
+                    for (p, s) in self.interface.params.iter().filter(|p| p.section != Section::Temp).zip(&slots) {
+                        let (a, b) = (sides[0].cpu.data_block(DATA).unwrap(), sides[1].cpu.data_block(DATA).unwrap());
+                        let from = s.at.byte() as usize;
+                        let n = (Layout::bits(&s.ty).div_ceil(8).max(1) as usize).min(60);
+                        println!("    {} {}: {:02x?}", p.name, p.ty.name(), &a[from..(from + n).min(a.len())]);
+                        println!("       {:02x?}", &b[from..(from + n).min(a.len())]);
+                    }
+                }
                 return Verdict::Differs(call, what);
             }
         }
