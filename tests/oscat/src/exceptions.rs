@@ -15,11 +15,11 @@ struct Row {
 pub struct Exceptions(Vec<Row>);
 
 impl Exceptions {
-    /// The list of the repository: `NAME RELEASES: reason`, a source as `NAME.scl`; `#` begins a comment.
+    /// The list of the repository: `NAME RELEASES: reason`, a source as `NAME.scl`; `# ` begins a comment.
     pub fn read() -> Self {
         let mut rows = Vec::new();
         let lines = include_str!("../exceptions.txt").lines().map(str::trim);
-        for line in lines.filter(|l| !l.is_empty() && !l.starts_with('#')) {
+        for line in lines.filter(|l| !l.is_empty() && !l.starts_with("# ")) {
             let Some((head, reason)) = line.split_once(": ") else { continue };
             let mut words = head.split_whitespace();
             let name = words.next().unwrap_or_default();

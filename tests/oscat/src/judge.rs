@@ -23,6 +23,9 @@ const ENDLESS: u64 = 2_000_000;
 /// Endless calls of a block, after which no more are made.
 const MOST_ENDLESS: u32 = 20;
 
+/// Why a block is left out that is no failure.
+pub const NO_MACHINE_CODE: &str = "its project has no machine code of it";
+
 /// Virtual time: each cycle lasts as long as it is told.
 struct Virtual(Instant, u64);
 
@@ -409,9 +412,8 @@ impl<'p> Pair<'p> {
         replaced: &'p BTreeSet<BlockId>,
     ) -> Result<Self, String> {
         let find = |p: &Program| p.blocks.iter().find(|b| b.id == id).map(|b| b.interface.clone());
-        let (Some(theirs), Some(interface)) = (find(reference), find(ours)) else {
-            return Err("it is not in both programs".to_owned());
-        };
+        let theirs = find(reference).ok_or(NO_MACHINE_CODE)?;
+        let interface = find(ours).ok_or("it is not compiled")?;
         if let Some(why) = undrawable(&interface) {
             return Err(why);
         }
@@ -427,7 +429,7 @@ impl<'p> Pair<'p> {
     pub fn listing(&self) -> String {
         let one = |name: &str, program: &Program| {
             let mut one = program.clone();
-            one.blocks.retain(|b| b.id == self.id || b.id.to_string() == std::env::var("ALSO").unwrap_or_default());
+            one.blocks.retain(|b| b.id == self.id);
             one.data.clear();
             one.symbols.clear();
             format!("--- {name}\n{}", ob1_stl::listing(&one))
@@ -492,15 +494,6 @@ impl<'p> Pair<'p> {
                 );
             }
             if let Some(what) = difference(&sides, &self.programs[0], &self.interface, self.id) {
-                if std::env::var_os("DUMP").is_some() {
-                    for (p, s) in self.interface.params.iter().filter(|p| p.section != Section::Temp).zip(&slots) {
-                        let (a, b) = (sides[0].cpu.data_block(DATA).unwrap(), sides[1].cpu.data_block(DATA).unwrap());
-                        let from = s.at.byte() as usize;
-                        let n = (Layout::bits(&s.ty).div_ceil(8).max(1) as usize).min(60);
-                        println!("    {} {}: {:02x?}", p.name, p.ty.name(), &a[from..(from + n).min(a.len())]);
-                        println!("       {:02x?}", &b[from..(from + n).min(a.len())]);
-                    }
-                }
                 return Verdict::Differs(call, what);
             }
         }

@@ -162,7 +162,7 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
             ids.push((word, compact));
         }
         let Some((word, first)) = ids.first() else {
-            println!("  {}: no block begins in it", text.name);
+            // A list of sources to compile.
             continue;
         };
         let id = if *word == "TYPE" { None } else { block_id(first) };
