@@ -91,6 +91,9 @@ fn path(from: &DataType, to: &DataType) -> Option<(Vec<Op>, Check)> {
         (Real, DInt) => (vec![rounded()], Check::Overflow),
         (Real, Int) => (vec![rounded()], Check::OverflowOrInt),
         (Byte, Real) => (vec![mask(0xFF), Op::Convert(Convert::Dtr)], Check::Never),
+        (Word, Real) => (vec![mask(0xFFFF), Op::Convert(Convert::Dtr)], Check::Never),
+        (Real, Word) => (vec![rounded(), mask(0xFFFF)], Check::Overflow),
+        (Real, Byte) => (vec![rounded(), mask(0xFF)], Check::Overflow),
         _ => return None,
     })
 }

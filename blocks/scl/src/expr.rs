@@ -6,9 +6,9 @@ use ob1_stl::front::{Constant, Encoded, Span, with_article};
 
 use crate::check::Checker;
 use crate::codes;
-use crate::convert::{by, function, implicit};
+use crate::convert::{by, explicit, function, implicit};
 use crate::syntax::{Expr, ExprKind, Operator};
-use crate::tree::{Check, Kind, Typed};
+use crate::tree::{Check, Kind, Typed, Var};
 use crate::types::{
     BOOL, BYTE, DATE, DINT, DT, DWORD, INT, NOTHING, REAL, STRING, TIME, TOD, WORD, is_bits, is_number, is_whole, rank,
     short,
@@ -30,6 +30,13 @@ impl<'c> Checker<'c> {
                     return self.bad(expr.span);
                 }
                 self.mark_read(&value);
+                let name = self.text(reference.first);
+                let absolute =
+                    matches!(value.kind, Kind::Timer(_) | Kind::Counter(_) | Kind::Var(Var { declared: None, .. }));
+                if absolute && self.info.declared(name).is_some() && !self.declared_plainly(name) {
+                    let message = format!("{name} is the address here, not the variable #{name}");
+                    self.report(reference.first.span, &codes::LOOKS_LIKE_ADDRESS, message);
+                }
                 value
             }
             ExprKind::Not(inner) => self.not(inner, expr.span),
@@ -68,6 +75,7 @@ impl<'c> Checker<'c> {
         }
         match implicit(value, to) {
             Ok(value) => Some(value),
+            Err(value) if self.options.tia && crate::unsigned::loses_nothing(value.ty, to) => explicit(value, to),
             Err(value) => {
                 self.no_conversion(value.ty, to, span);
                 None
@@ -233,8 +241,12 @@ impl<'c> Checker<'c> {
         right: Typed<'c>,
         span: Span,
     ) -> Option<Typed<'c>> {
-        let (left, right) = self.adapted(left, right)?;
         let equality = matches!(relation, Compare::Equal | Compare::NotEqual);
+        let mixed = is_number(left.ty) || is_number(right.ty);
+        if self.is_unsigned(&left, &right) && (!equality || mixed) {
+            return self.compare_unsigned(relation, operator, left, right, span);
+        }
+        let (left, right) = self.adapted(left, right)?;
         let texts = |ty: &DataType| matches!(ty, DataType::String(_));
         if texts(left.ty) || texts(right.ty) {
             return self.compare_texts(relation, operator, left, right, span);
@@ -322,6 +334,9 @@ impl<'c> Checker<'c> {
         }
         if let Some(result) = self.time_arithmetic(op, &left, &right, span) {
             return result;
+        }
+        if self.is_unsigned(&left, &right) {
+            return self.unsigned(operator, left, right, span);
         }
         let (left, right) = self.adapted(left, right)?;
         if !is_number(left.ty) || !is_number(right.ty) {

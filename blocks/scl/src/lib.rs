@@ -26,9 +26,11 @@ mod names;
 mod options;
 mod parse_expr;
 mod parse_stmt;
+mod peek;
 mod syntax;
 mod tree;
 mod types;
+mod unsigned;
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -43,6 +43,7 @@ fn each_mistake_has_its_number() {
         ("a : INT;", "a := b;", "S2101"),
         ("a : INT;", "nothing_like_that(1);", "S2101"),
         ("#T3 : INT;", "T3 := 1;", "S2103"),
+        ("#MW3 : INT; w : WORD;", "#MW3 := 1; w := MW3;", "S2107"),
         ("a : INT;", "MW100 := INT_TO_WORD(a);", "S2502"),
         ("r : REAL; b : BOOL;", "r := 1.0; b := r = 2.0;", "S2205"),
         ("s : STRING[2];", "s := 'abc';", "S2206"),

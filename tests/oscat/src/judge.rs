@@ -56,10 +56,10 @@ pub enum Verdict {
 }
 
 /// A parameter with its place in the data block.
-struct Slot {
+pub struct Slot {
     at: BitAddr,
     ty: DataType,
-    section: Section,
+    pub section: Section,
     /// Of what a pointer leads to: its place in [`REGION`].
     region: Option<BitAddr>,
 }
@@ -235,21 +235,25 @@ fn lengths(ty: &DataType, at: BitAddr, image: &mut [u8]) {
 }
 
 /// A CPU with its clock.
-struct Side {
+pub struct Side {
     cpu: Cpu,
     clock: Virtual,
 }
 
 impl Side {
-    fn new(program: &Program, natives: Vec<Box<dyn NativeBlock>>) -> Result<Self, String> {
+    pub fn new(
+        program: &Program,
+        natives: Vec<Box<dyn NativeBlock>>,
+        engine: &dyn engine::Factory,
+    ) -> Result<Self, String> {
         let config = CpuConfig { memory_bytes: 1024, ..CpuConfig::default() };
-        let cpu = Cpu::new(config, program, natives, Vec::new(), engine::REFERENCE);
+        let cpu = Cpu::new(config, program, natives, Vec::new(), engine);
         let mut cpu = cpu.map_err(|e| format!("{e:?}"))?;
         cpu.request(Command::Run);
         Ok(Self { cpu, clock: Virtual(Instant::START, 0) })
     }
 
-    fn cycle(&mut self, step: Span) -> OperatingState {
+    pub fn cycle(&mut self, step: Span) -> OperatingState {
         self.clock.0 += step;
         self.clock.1 = 0;
         self.cpu.cycle(&mut self.clock).state
@@ -335,7 +339,7 @@ fn text(rng: &mut fastrand::Rng, max: u8) -> Vec<u8> {
 }
 
 /// Draws a value for each place of a parameter, into both sides. `short`: whole numbers are small.
-fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32, short: bool) {
+pub fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32, short: bool) {
     if is_pointer(&slot.ty) {
         return;
     }
@@ -383,22 +387,11 @@ fn fill(sides: &mut [Side; 2], rng: &mut fastrand::Rng, call: u32) {
     }
 }
 
-/// What runs the library of both sides.
-fn natives(replaced: &BTreeSet<BlockId>) -> Vec<Box<dyn NativeBlock>> {
-    let mut natives: Vec<Box<dyn NativeBlock>> = system_blocks();
-    for block in ob1_std::standard_blocks() {
-        if replaced.contains(&block.id) && block.origin == ob1_std::Origin::Iec {
-            natives.push(standard_block(block.id, block));
-        }
-    }
-    natives
-}
-
 /// Both programs, prepared for the calls of one block.
 pub struct Pair<'p> {
-    id: BlockId,
+    pub id: BlockId,
     interface: Interface,
-    programs: [Program; 2],
+    pub programs: [Program; 2],
     replaced: &'p BTreeSet<BlockId>,
 }
 
@@ -438,9 +431,25 @@ impl<'p> Pair<'p> {
         one("theirs", theirs) + &one("ours", ours)
     }
 
+    /// What runs the library of both sides.
+    pub fn natives(&self) -> Vec<Box<dyn NativeBlock>> {
+        let mut natives: Vec<Box<dyn NativeBlock>> = system_blocks();
+        for block in ob1_std::standard_blocks() {
+            if self.replaced.contains(&block.id) && block.origin == ob1_std::Origin::Iec {
+                natives.push(standard_block(block.id, block));
+            }
+        }
+        natives
+    }
+
+    pub fn slots(&self) -> Vec<Slot> {
+        slots(&self.interface, self.id).0
+    }
+
     fn sides(&self) -> Result<[Side; 2], String> {
-        let side =
-            |program| Side::new(program, natives(self.replaced)).map_err(|why| format!("it does not load: {why}"));
+        let side = |program| {
+            Side::new(program, self.natives(), engine::REFERENCE).map_err(|why| format!("it does not load: {why}"))
+        };
         Ok([side(&self.programs[0])?, side(&self.programs[1])?])
     }
 
@@ -450,7 +459,7 @@ impl<'p> Pair<'p> {
             Ok(sides) => sides,
             Err(why) => return Verdict::Left(why),
         };
-        let (slots, _) = slots(&self.interface, self.id);
+        let slots = self.slots();
         let instance = self.id.kind.has_instance();
         let pointers = slots.iter().any(|s| is_pointer(&s.ty));
         let mut rng = fastrand::Rng::with_seed(u64::from(self.id.number) << 8 | self.id.kind as u64);

@@ -7,19 +7,21 @@
 mod exceptions;
 mod judge;
 mod samples;
+#[cfg(feature = "speed")]
+mod speed;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ob1_model::BlockKind;
+use ob1_model::{BlockId, BlockKind};
 use ob1_stl::{Options, Severity, Source};
 
 use exceptions::Exceptions;
 use judge::{Pair, Verdict};
 use samples::Release;
 
-const USAGE: &str = "usage: oscat [--release 3.11] [--calls 1000] [--block NAME] [--show] [--compile]";
+const USAGE: &str = "usage: oscat [--release 3.11] [--calls 1000] [--block NAME] [--show] [--compile] [--speed]";
 /// Where the archive lies when nothing else is said: beside the checkout.
 const BESIDE: &str = "../oscat-libs-archive/OSCAT_BASIC_LIB/ARCHIVE";
 /// The releases whose blocks are called when nothing else is said; those before 3.11 have the option of the OK flag.
@@ -34,10 +36,12 @@ struct Wish {
     block: Option<String>,
     /// Shows the statements of both.
     show: bool,
+    /// Measures native code instead.
+    speed: bool,
 }
 
 fn wish() -> Option<Wish> {
-    let mut wish = Wish { release: None, calls: 1000, block: None, show: false };
+    let mut wish = Wish { release: None, calls: 1000, block: None, show: false, speed: false };
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
@@ -45,6 +49,7 @@ fn wish() -> Option<Wish> {
             "--calls" => wish.calls = args.next()?.parse().ok()?,
             "--block" => wish.block = Some(args.next()?),
             "--show" => wish.show = true,
+            "--speed" => wish.speed = true,
             "--compile" => wish.calls = 0,
             _ => return None,
         }
@@ -77,7 +82,9 @@ fn main() -> ExitCode {
             let (program, compiled, wrong) = compile(&release, &exceptions, &mut distinct);
             good += compiled;
             failures += wrong;
-            if called {
+            if wish.speed {
+                measure(&release, &program, &wish);
+            } else if called {
                 failures += equality(&release, &program, &wish, &mut exceptions);
             }
         }
@@ -99,7 +106,10 @@ fn compile(
     let mut sources: Vec<Source> = release.scl.iter().map(|(_, s)| s.clone()).collect();
     let count = sources.len();
     sources.extend(release.rest.iter().cloned());
+    let began = std::time::Instant::now();
     let (output, bad) = one_program(release, &sources, true);
+    let took = began.elapsed().as_secs_f64();
+    let lines: usize = sources.iter().map(|s| s.bytes.iter().filter(|b| **b == b'\n').count()).sum();
     let (mut good, mut failures) = (0, 0);
     let mut judge = |source: &Source, is_bad: bool| {
         let known = exceptions.source(&source.name, &release.digits);
@@ -122,11 +132,9 @@ fn compile(
     }
     let (ours, theirs) = (output.program.blocks.len(), release.reference.blocks.len());
     let wrong = bad.iter().filter(|at| **at < count).count();
-    println!(
-        "{}: {} SCL sources, {wrong} with errors; {ours} of {theirs} blocks",
-        release.name,
-        count + release.second.len()
-    );
+    let all = count + release.second.len();
+    println!("{}: {all} SCL sources, {wrong} with errors; {ours} of {theirs} blocks", release.name);
+    println!("  {lines} lines in {:.1} ms, {:.0} a second", took * 1e3, lines as f64 / took);
     let external = |id| release.library.get(id).map(|b| &b.interface);
     for program in [&release.reference, &output.program] {
         let Err(defects) = ob1_ir::verify(program, &external) else { continue };
@@ -153,15 +161,42 @@ fn one_program(release: &Release, sources: &[Source], shown: bool) -> (ob1_stl::
     (output, bad)
 }
 
+/// The blocks of a release that are asked for, with the names of their sources.
+fn blocks<'r>(release: &'r Release, wish: &'r Wish) -> impl Iterator<Item = (BlockId, &'r Source, &'r str)> {
+    let all = release.scl.iter().filter_map(|(id, source)| Some(((*id)?, source)));
+    let named = all.map(|(id, source)| (id, source, source.name.trim_end_matches(".scl")));
+    let asked = |name: &str| wish.block.as_ref().is_none_or(|only| name.eq_ignore_ascii_case(only));
+    named.filter(move |(id, _, name)| id.kind != BlockKind::Db && asked(name))
+}
+
+/// Native code of both.
+#[cfg(not(feature = "speed"))]
+fn measure(_: &Release, _: &ob1_ir::Program, _: &Wish) {
+    println!("built without the feature speed: `cargo xtask oscat --speed`");
+}
+
+/// Native code of both.
+#[cfg(feature = "speed")]
+fn measure(release: &Release, ours: &ob1_ir::Program, wish: &Wish) {
+    let mut ratios = Vec::new();
+    for (id, _, name) in blocks(release, wish) {
+        let ratio = Pair::new(&release.reference, ours, id, &release.replaced).ok().and_then(|pair| pair.ratio());
+        if let Some(ratio) = ratio {
+            ratios.push((ratio, name));
+        }
+    }
+    ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (ratio, name) in ratios.iter().rev().take(10) {
+        println!("  {name}: {ratio:.2}");
+    }
+    let all: Vec<f64> = ratios.iter().map(|r| r.0).collect();
+    println!("{}: {} blocks, native code of ours for one of theirs: {:.3}", release.name, all.len(), speed::mean(&all));
+}
+
 /// Calls each function and function block of a release. Gives the failures.
 fn equality(release: &Release, ours: &ob1_ir::Program, wish: &Wish, exceptions: &mut Exceptions) -> usize {
     let (mut equal, mut listed, mut different, mut left) = (0, 0, 0, 0);
-    let ids = release.scl.iter().filter_map(|(id, source)| Some(((*id)?, source)));
-    for (id, source) in ids.filter(|(id, _)| id.kind != BlockKind::Db) {
-        let name = source.name.trim_end_matches(".scl");
-        if wish.block.as_ref().is_some_and(|only| !name.eq_ignore_ascii_case(only)) {
-            continue;
-        }
+    for (id, source, name) in blocks(release, wish) {
         let reason = exceptions.reason(name, &release.digits);
         let calls = if reason.is_some() { wish.calls.max(OF_EXCEPTIONS) } else { wish.calls };
         let verdict = match Pair::new(&release.reference, ours, id, &release.replaced) {

@@ -65,6 +65,9 @@ fn a_new_station_runs() {
     // Its sources do not need the station.
     let exec = ob1(&press, &["exec", "main.awl", "--symbols", "symbols.sdf", "--limit", "1s"]);
     assert_eq!(exec.status.code(), Some(3), "{}", said(&exec));
+    // The same machine in SCL, with the same tests.
+    good(&ob1(base.path(), &["new", "station", "mill", "--language", "scl"]));
+    it_runs(&base.path().join("mill"), "2");
     // Where systemd would look for it.
     good(&ob1(base.path(), &["new", "station", "etc/ob1/line-7"]));
     let station = std::fs::read_to_string(base.path().join("etc/ob1/line-7/station.toml")).expect("written");
