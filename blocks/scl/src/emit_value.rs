@@ -47,6 +47,7 @@ impl Code {
                 }
             }
             Kind::Block(number) => self.block_number(*number),
+            Kind::Timed(timed) => self.timed(timed),
             Kind::Timer(number) => self.op(Op::LoadTimerBcd(*number)),
             Kind::Counter(number) => self.op(Op::LoadCounter(*number)),
             _ => self.op(Op::LoadConst(0)),
@@ -152,7 +153,7 @@ impl Code {
         }
     }
 
-    fn keep(&mut self) -> Operand {
+    pub(crate) fn keep(&mut self) -> Operand {
         let kept = self.temp(Width::DWord);
         self.op(Op::Transfer(kept));
         kept

@@ -69,7 +69,7 @@ impl<'c> Checker<'c> {
 
     /// A standard function by its name in capitals; `None`: there is none of this name.
     fn standard(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
-        if let Some(result) = self.peek(name, args, span) {
+        if let Some(result) = self.peek(name, args, span).or_else(|| self.timed(name, args, span)) {
             return Some(result);
         }
         // `NAME_TYPE` of TIA Portal says the type of the result.

@@ -28,6 +28,7 @@ mod parse_expr;
 mod parse_stmt;
 mod peek;
 mod syntax;
+mod timers;
 mod tree;
 mod types;
 mod unsigned;

@@ -9,6 +9,9 @@ use ob1_project::{Archive, Choice, CodePage, Notes, Project, Tree, Wanted, trans
 use ob1_std::standard_blocks;
 use ob1_stl::{Library, Mnemonics, Source, read_symbols};
 
+/// Stands before a source that was compiled with this option of the project.
+pub const OK_FLAG: &str = "{SCL_SetOKFlag := 'y'} ";
+
 /// One release.
 pub struct Release {
     pub name: String,
@@ -166,7 +169,7 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
             continue;
         };
         let id = if *word == "TYPE" { None } else { block_id(first) };
-        let option = if id.is_some_and(|id| has_ok(&translation.program, id)) { "{SCL_SetOKFlag := 'y'} " } else { "" };
+        let option = if id.is_some_and(|id| has_ok(&translation.program, id)) { OK_FLAG } else { "" };
         let source = Source::new(format!("{}.scl", text.name), format!("{option}{}", text.text).as_bytes());
         if let Some(at) = ids.iter().find_map(|(_, id)| taken.get(id)) {
             second.push((*at, source));

@@ -409,3 +409,38 @@ fn whose_function_is_called() {
     let mut cpu = run(own, INTS, "MW102 := INT_TO_WORD(MAX(IN1 := 3, IN2 := 5));");
     assert_eq!(result(&mut cpu), 77);
 }
+
+#[test]
+fn timers_and_counters_as_functions() {
+    let count = "x := TRUE; w := S_CUD(C_NO := C3, CU := x, S := x, PV := W#16#12, CV := v, Q := q);";
+    table(&[
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} MW102 := w;"), 0x12),
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} MW102 := v;"), 12),
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} M103.0 := q;"), 1),
+        ("x : BOOL; w : WORD;", "x := TRUE; w := S_CD(C_NO := C3, S := x, PV := W#16#12, R := x); MW102 := w;", 0),
+        (
+            "x, q : BOOL; w : WORD;",
+            "x := TRUE; S_PULSE(T_NO := T5, S := x, TV := S5T#2s, BI := w, Q := q); MW102 := w;",
+            200,
+        ),
+        (
+            "x, q : BOOL; t : S5TIME;",
+            "x := TRUE; t := S_ODT(T_NO := T5, S := x, TV := S5T#2s, Q := q); M103.0 := q OR t = S5T#0s;",
+            0,
+        ),
+    ]);
+}
+
+/// What `ob1 new station --language scl` writes.
+#[test]
+fn the_program_of_a_new_station_compiles() {
+    let symbols = include_str!("../../../runtime/ob1/src/new/station/symbols.sdf.in");
+    let symbols = ob1_stl::read_symbols(&Source::new("symbols.sdf", symbols.as_bytes())).symbols;
+    let text = include_str!("../../../runtime/ob1/src/new/station/main.scl.in");
+    let source = Source::new("main.scl", text.as_bytes());
+    let options = Options { symbols, lints: true, ..Options::default() };
+    let output = ob1_scl::compile(std::slice::from_ref(&source), &Library::new(), &options);
+    assert_eq!(ob1_stl::render_all(&output.diagnostics, &[source]), "");
+    let lines: std::collections::BTreeSet<u32> = output.program.blocks[0].code.iter().map(|s| s.line).collect();
+    assert!([10, 11, 13, 17, 20, 21, 23].iter().all(|line| lines.contains(line)), "{lines:?}");
+}
