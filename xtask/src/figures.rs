@@ -25,10 +25,16 @@ pub(crate) fn programs(args: &[String]) -> Outcome {
     simulation("programs", &["ob1-cp040", "ob1-cp240", "ob1-cp340", "ob1-cp341", "ob1-tests"], args)
 }
 
-/// The SCL compiler against Siemens' own.
+/// The SCL compiler against Siemens' own. The program evaluates the options.
+///
+/// # Errors
+/// If it cannot be built, or a source or block differs that is not on the list of exceptions.
 pub(crate) fn oscat(args: &[String]) -> Outcome {
-    let mut command = cargo(&["run", "--release", "-p", "ob1-oscat", "--"]);
-    shell::run(command.args(args))
+    let mut command = cargo(&["run", "--release", "-p", "ob1-oscat"]);
+    if args.iter().any(|arg| arg == "--speed") {
+        command.args(["--features", "speed"]);
+    }
+    shell::run_program(command.arg("--").args(args))
 }
 
 /// Runs a program that needs only the plugins of `packages`: their release build, or that of the tests.

@@ -44,7 +44,9 @@ usage: cargo xtask VERB [...]
                                   bench io: remote I/O over Modbus TCP beside libmodbus;
                                   bench causes: late scans by cause on a machine that is too busy;
                                   bench gate [items browsers paint] [--minutes M]: OPC UA, pages and the first paint under load
-  oscat [RELEASE] [CALLS] [BLOCK]  the SCL compiler against Siemens' own, over sample releases in OB1_STEP7_PROJECTS (docs/scl.md)
+  oscat [--release 3.11] [--calls 1000] [--block NAME] [--show] [--compile] [--speed]
+                                  the SCL compiler against Siemens' own, over sample releases beside the checkout (docs/scl.md);
+                                  --compile: compiles only; --show: the statements of both; --speed: native code of both
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]

@@ -88,7 +88,7 @@ impl<'c> Checker<'c> {
     }
 
     /// True for a name that is declared without `#`, and so means the declaration.
-    fn declared_plainly(&self, name: &str) -> bool {
+    pub(crate) fn declared_plainly(&self, name: &str) -> bool {
         if self.info.declared(name).is_none() && !self.info.constants.contains_key(&name.to_uppercase()) {
             return false;
         }

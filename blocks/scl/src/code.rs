@@ -37,6 +37,10 @@ pub(crate) struct Code {
     pub(crate) move_block: Option<BlockId>,
     /// Parameters of the function that are elementary, by their index among the formals.
     pub(crate) elementary: BTreeSet<u16>,
+    /// Temporaries that are texts, by their index in the interface.
+    pub(crate) texts: BTreeSet<usize>,
+    /// A function block.
+    pub(crate) has_instance: bool,
 }
 
 impl Code {
@@ -55,6 +59,8 @@ impl Code {
             concat: None,
             move_block: None,
             elementary: BTreeSet::new(),
+            texts: BTreeSet::new(),
+            has_instance: false,
         }
     }
 

@@ -33,7 +33,7 @@ codes! {
     INDEX = "S2105", Error, "An index does not fit the array.", "Write one index for each dimension, within its bounds.";
     ADDRESS = "S2106", Error, "An absolute address is not well formed.",
         "Write I0.0, QB4, MW20, DB11.DW4, MW[i], DB11.DX[i, b].";
-    LOOKS_LIKE_ADDRESS = "S2107", Warning, "A declared name is also an absolute address.",
+    LOOKS_LIKE_ADDRESS = "S2107", Warning, "A name declared with # is read without it, and is an absolute address.",
         "Write #name for the variable: without the sign it is the timer, counter or address.";
     // Types
     TYPES = "S2201", Error, "A value has the wrong type.", "Convert it with the function that the message names.";
@@ -73,8 +73,4 @@ codes! {
         "Temporaries and VAR of a function have no start value: assign it first.";
     // Limits
     NOT_SUPPORTED = "S2901", Error, "SCL that this compiler does not know yet.", "Write it in another way.";
-    WIDE_TYPES = "S2902", Error, "A type of 64 bits, WSTRING or VARIANT: this CPU has none.",
-        "Use DINT, REAL, STRING, or ANY.";
-    NOT_ON_OPTIMIZED = "S2903", Error, "ANY, POINTER, AT or an absolute address on an optimised block.",
-        "Clear the block's attribute S7_Optimized_Access, or use names.";
 }

@@ -76,21 +76,24 @@ fn path(from: &DataType, to: &DataType) -> Option<(Vec<Op>, Check)> {
         (Word | S5Time, Int | Date | S5Time | Word) | (Int, Word | Date | S5Time) | (Date, Int | Word) => {
             (Vec::new(), Check::Never)
         }
-        (DWord | DInt, Time | TimeOfDay | DInt | DWord) | (Time | TimeOfDay, DInt | DWord) => {
-            (Vec::new(), Check::Never)
-        }
+        (DWord | DInt, TimeOfDay) => (Vec::new(), Check::Day),
+        (DWord | DInt, Time | DInt | DWord) | (Time | TimeOfDay, DInt | DWord) => (Vec::new(), Check::Never),
         (Time, TimeOfDay) | (TimeOfDay, Time) | (DWord, Real) | (Real, DWord) => (Vec::new(), Check::Never),
         (Int, DInt | Time) => (vec![Op::Convert(Convert::Itd)], Check::Never),
         (Int, Real) => (vec![Op::Convert(Convert::Itd), Op::Convert(Convert::Dtr)], Check::Never),
         (DInt, Real) => (vec![Op::Convert(Convert::Dtr)], Check::Never),
-        (Int | Word | DWord | DInt, Byte) => low_byte(),
+        (Int | Word, Byte) => low_byte(),
+        (DWord | DInt, Byte) => (vec![mask(0xFF)], Check::Bits(0xFFFF_FF00)),
         (Int | Word, Char) => low_byte(),
         (DInt, Int) => (Vec::new(), Check::Int),
-        (DWord, Int | Word) | (DInt, Word) => low_word(),
+        (DWord, Int | Word) | (DInt, Word) => (vec![mask(0xFFFF)], Check::Bits(0xFFFF_0000)),
         (DInt | DWord, Date) => (vec![mask(0xFFFF)], Check::Bits(0xFFFF_0000)),
         (Real, DInt) => (vec![rounded()], Check::Overflow),
         (Real, Int) => (vec![rounded()], Check::OverflowOrInt),
         (Byte, Real) => (vec![mask(0xFF), Op::Convert(Convert::Dtr)], Check::Never),
+        (Word, Real) => (vec![mask(0xFFFF), Op::Convert(Convert::Dtr)], Check::Never),
+        (Real, Word) => (vec![rounded(), mask(0xFFFF)], Check::Overflow),
+        (Real, Byte) => (vec![rounded(), mask(0xFF)], Check::Overflow),
         _ => return None,
     })
 }

@@ -3,7 +3,7 @@
 use ob1_ir::{BitTest, Compare, Logic, NumberFormat, Op, Place, StatusBit, WordLogic};
 
 use crate::code::Code;
-use crate::tree::{Kind, Typed};
+use crate::tree::{Check, Kind, Typed};
 use crate::types::format;
 
 /// One input of a chain.
@@ -34,7 +34,7 @@ impl Code {
                 self.op(Op::Compare(format(left.ty), *relation));
             }
             Kind::ToBool(inner) => {
-                self.value(inner);
+                self.convert(&[], Check::Bits(0xFFFF_FFFE), inner);
                 self.op(Op::DWordLogic(WordLogic::And, Some(1)));
                 self.op(Op::LoadConst(0));
                 self.op(Op::Compare(NumberFormat::DInt, Compare::NotEqual));

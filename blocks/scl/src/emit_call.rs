@@ -82,7 +82,15 @@ impl Code {
             *arg = Arg::Operand(Operand { width, place });
         }
         let target = call.target;
+        // A function of STL may leave another address in AR2, by which a function block reaches its instance.
+        let ar2 = (call.copies && self.has_instance).then(|| self.temp(Width::DWord));
+        if let Some(kept) = ar2 {
+            self.op(Op::TransferArTo(AddressRegister::Ar2, kept));
+        }
         self.op(Op::Call(Box::new(IrCall { mode: CallMode::Call, target, instance: None, args })));
+        if let Some(kept) = ar2 {
+            self.op(Op::LoadArFrom(AddressRegister::Ar2, kept));
+        }
         self.write_back(&back);
         result
     }

@@ -90,7 +90,7 @@ impl Code {
             && fixed(source)
             && let Some(id) = self.move_block
         {
-            return self.move_block(id, target, source, bytes);
+            return self.move_any(id, target, source, (2, bytes as u16));
         }
         if target.is_direct()
             || source.is_direct() && matches!(source.base, Base::Fixed(_) | Base::Instance | Base::Param(_))
@@ -117,19 +117,12 @@ impl Code {
         }
     }
 
-    /// SFC 20 with the two places.
-    fn move_block(&mut self, id: ob1_model::BlockId, target: &Var<'_>, source: &Var<'_>, bytes: u32) {
-        let any = (2, bytes as u16);
+    /// SFC 20 between variables of this type and count.
+    fn move_any(&mut self, id: ob1_model::BlockId, target: &Var<'_>, source: &Var<'_>, any: (u8, u16)) {
         let from = self.any(source, Some(any));
         let to = self.any(target, Some(any));
         let result = self.temp(Width::Word);
-        let args = vec![from, Arg::Operand(result), to];
-        // SRCBLK, RET_VAL, DSTBLK lie in the order of the formals: input, output, return value.
-        let args = match args.as_slice() {
-            [from, result, to] => vec![from.clone(), to.clone(), result.clone()],
-            _ => args,
-        };
-        self.native(id, args);
+        self.native(id, vec![from, Arg::Operand(result), to]);
     }
 
     /// Constant bytes into memory.
@@ -154,13 +147,19 @@ impl Code {
                 self.write_bytes(place, 0, &head);
                 self.write_bytes(place, 2, text);
             }
-            Kind::Call(call) if temporary => {
+            // Not into a component: that has the result cut by an assignment.
+            Kind::Call(call) if temporary && target.declared.is_none_or(|at| self.texts.contains(&at)) => {
                 let place = self.place(target);
                 self.call(call, Some(place));
             }
             Kind::Call(call) => {
-                if let Some(place) = self.call(call, None) {
-                    self.join(place, target);
+                let result = self.call(call, None);
+                if temporary {
+                    let place = self.place(target);
+                    self.write_bytes(place, 0, &[max]);
+                }
+                if let Some(Place::Fixed(_, at)) = result {
+                    self.join(&in_local(at), target);
                 }
             }
             Kind::Var(source) if *value.ty == DataType::Char => {
@@ -178,12 +177,7 @@ impl Code {
                     let place = self.place(target);
                     self.write_bytes(place, 0, &[max]);
                 }
-                let from = if source.is_direct() || target.is_direct() && !matches!(target.base, Base::Db(_)) {
-                    self.place(source)
-                } else {
-                    self.text_copy(source)
-                };
-                self.join(from, target);
+                self.join(source, target);
             }
             _ => {}
         }
@@ -194,14 +188,19 @@ impl Code {
         let at = self.take(256);
         let kept = Place::Fixed(Area::Local, at);
         self.write_bytes(kept, 0, &[254, 0]);
-        let from = self.place(source);
-        self.join(from, &in_local(at));
+        self.join(source, &in_local(at));
         kept
     }
 
-    /// `target := CONCAT(from, '')`, which cuts to the target's length and is safe for texts over each other.
-    pub(crate) fn join(&mut self, from: Place, target: &Var<'_>) {
-        let Some(id) = self.concat else { return };
+    /// `target := CONCAT(source, '')`, which cuts to the target's length and is safe for texts over each other. Without
+    /// that function SFC 20 does it.
+    fn join(&mut self, source: &Var<'_>, target: &Var<'_>) {
+        let Some(id) = self.concat else {
+            let Some(id) = self.move_block else { return };
+            return self.move_any(id, target, source, (0x13, 1));
+        };
+        let both = source.is_direct() || target.is_direct() && !matches!(target.base, Base::Db(_));
+        let from = if both { self.place(source) } else { self.text_copy(source) };
         let to = self.place(target);
         let operand = |place| Arg::Operand(Operand { width: Width::Byte, place });
         let empty = Arg::Bytes(vec![1, 0, 0, 0].into());

@@ -47,6 +47,7 @@ impl Code {
                 }
             }
             Kind::Block(number) => self.block_number(*number),
+            Kind::Timed(timed) => self.timed(timed),
             Kind::Timer(number) => self.op(Op::LoadTimerBcd(*number)),
             Kind::Counter(number) => self.op(Op::LoadCounter(*number)),
             _ => self.op(Op::LoadConst(0)),
@@ -108,7 +109,7 @@ impl Code {
         self.op(Op::Load(index));
     }
 
-    fn convert(&mut self, ops: &[Op], check: Check, inner: &Typed<'_>) {
+    pub(crate) fn convert(&mut self, ops: &[Op], check: Check, inner: &Typed<'_>) {
         self.value(inner);
         let ok = self.ok.filter(|_| self.options.set_ok && check != Check::Never);
         let Some(ok) = ok else {
@@ -127,6 +128,16 @@ impl Code {
                 self.op(Op::Load(kept));
             }
             Check::Int => self.check_int(ok),
+            Check::Day => {
+                let kept = self.keep();
+                for (bound, relation) in [(0, Compare::Less), (DAY - 1, Compare::Greater)] {
+                    self.op(Op::Load(kept));
+                    self.op(Op::LoadConst(bound));
+                    self.op(Op::Compare(NumberFormat::DInt, relation));
+                    self.op(Op::Reset(ok));
+                }
+                self.op(Op::Load(kept));
+            }
             _ => {}
         }
         for op in ops {
@@ -142,7 +153,7 @@ impl Code {
         }
     }
 
-    fn keep(&mut self) -> Operand {
+    pub(crate) fn keep(&mut self) -> Operand {
         let kept = self.temp(Width::DWord);
         self.op(Op::Transfer(kept));
         kept
@@ -246,9 +257,10 @@ impl Code {
             }
             return;
         }
-        // The lowest byte of the number counts, as the statement takes it.
         self.two(count, value);
-        if bits == 32 {
+        let ok = self.ok.filter(|_| self.options.set_ok);
+        // The lowest byte of the number counts, as the statement takes it.
+        if bits == 32 && ok.is_none() {
             self.op(Op::Shift(op, None));
             return;
         }
@@ -257,10 +269,19 @@ impl Code {
         self.op(Op::ExchangeAccus);
         let n = self.temp(Width::Word);
         self.op(Op::Transfer(n));
-        self.op(Op::LoadConst(16));
-        self.op(Op::Compare(NumberFormat::Int, Compare::GreaterEqual));
-        self.jump(Jump::IfRlo, zero);
-        self.op(Op::Load(n));
+        if let Some(ok) = ok {
+            self.op(Op::LoadConst(0));
+            self.op(Op::Compare(NumberFormat::Int, Compare::Less));
+            self.op(Op::Reset(ok));
+            self.jump(Jump::IfRlo, zero);
+            self.op(Op::Load(n));
+        }
+        if bits < 32 {
+            self.op(Op::LoadConst(16));
+            self.op(Op::Compare(NumberFormat::Int, Compare::GreaterEqual));
+            self.jump(Jump::IfRlo, zero);
+            self.op(Op::Load(n));
+        }
         self.op(Op::Load(kept));
         self.op(Op::Shift(op, None));
         self.mask(bits);

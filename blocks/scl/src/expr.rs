@@ -6,9 +6,9 @@ use ob1_stl::front::{Constant, Encoded, Span, with_article};
 
 use crate::check::Checker;
 use crate::codes;
-use crate::convert::{by, function, implicit};
+use crate::convert::{by, explicit, function, implicit};
 use crate::syntax::{Expr, ExprKind, Operator};
-use crate::tree::{Check, Kind, Typed};
+use crate::tree::{Check, Kind, Typed, Var};
 use crate::types::{
     BOOL, BYTE, DATE, DINT, DT, DWORD, INT, NOTHING, REAL, STRING, TIME, TOD, WORD, is_bits, is_number, is_whole, rank,
     short,
@@ -30,6 +30,13 @@ impl<'c> Checker<'c> {
                     return self.bad(expr.span);
                 }
                 self.mark_read(&value);
+                let name = self.text(reference.first);
+                let absolute =
+                    matches!(value.kind, Kind::Timer(_) | Kind::Counter(_) | Kind::Var(Var { declared: None, .. }));
+                if absolute && self.info.declared(name).is_some() && !self.declared_plainly(name) {
+                    let message = format!("{name} is the address here, not the variable #{name}");
+                    self.report(reference.first.span, &codes::LOOKS_LIKE_ADDRESS, message);
+                }
                 value
             }
             ExprKind::Not(inner) => self.not(inner, expr.span),
@@ -68,6 +75,7 @@ impl<'c> Checker<'c> {
         }
         match implicit(value, to) {
             Ok(value) => Some(value),
+            Err(value) if self.options.tia && crate::unsigned::loses_nothing(value.ty, to) => explicit(value, to),
             Err(value) => {
                 self.no_conversion(value.ty, to, span);
                 None
@@ -233,8 +241,12 @@ impl<'c> Checker<'c> {
         right: Typed<'c>,
         span: Span,
     ) -> Option<Typed<'c>> {
-        let (left, right) = self.adapted(left, right)?;
         let equality = matches!(relation, Compare::Equal | Compare::NotEqual);
+        let mixed = is_number(left.ty) || is_number(right.ty);
+        if self.is_unsigned(&left, &right) && (!equality || mixed) {
+            return self.compare_unsigned(relation, operator, left, right, span);
+        }
+        let (left, right) = self.adapted(left, right)?;
         let texts = |ty: &DataType| matches!(ty, DataType::String(_));
         if texts(left.ty) || texts(right.ty) {
             return self.compare_texts(relation, operator, left, right, span);
@@ -294,6 +306,12 @@ impl<'c> Checker<'c> {
 
     fn power(&mut self, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         let (left, right) = (self.coerced(left, &REAL)?, self.coerced(right, &REAL)?);
+        // Siemens' compiler does these two without a logarithm.
+        match right.kind {
+            Kind::Constant(one) if one == 1f32.to_bits() => return Some(Typed { span, ..left }),
+            Kind::Constant(two) if two == 2f32.to_bits() => return self.math(MathFn::Sqr, left),
+            _ => {}
+        }
         Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
     }
 
@@ -316,6 +334,9 @@ impl<'c> Checker<'c> {
         }
         if let Some(result) = self.time_arithmetic(op, &left, &right, span) {
             return result;
+        }
+        if self.is_unsigned(&left, &right) {
+            return self.unsigned(operator, left, right, span);
         }
         let (left, right) = self.adapted(left, right)?;
         if !is_number(left.ty) || !is_number(right.ty) {
@@ -460,18 +481,34 @@ pub(crate) fn flexible<'c>(constant: Constant, span: Span) -> Typed<'c> {
     Typed::new(Kind::Flexible(constant), ty, span)
 }
 
-/// `x * 2.0 * 3.0` as `x * 6.0`: Siemens' compiler multiplies real constants in a row.
+/// Siemens' compiler calculates with the real constants of a product: `x * 2.0 * 3.0` is `x * 6.0`, `1 / x * 1000` is
+/// `1000 / x`, and `c * x * y / 360.0` is `c / 360.0 * y * x`.
 fn one_factor<'c>(op: AccuOp, left: &Typed<'c>, right: &Typed<'c>, span: Span) -> Option<Typed<'c>> {
-    let (Kind::Arithmetic(AccuOp::Mul, value, first), Kind::Constant(second)) = (&left.kind, &right.kind) else {
-        return None;
-    };
-    let Kind::Constant(first) = first.kind else { return None };
-    if op != AccuOp::Mul || *left.ty != DataType::Real || *right.ty != DataType::Real {
+    let Kind::Constant(second) = right.kind else { return None };
+    if !matches!(op, AccuOp::Mul | AccuOp::Div) || *left.ty != DataType::Real || *right.ty != DataType::Real {
         return None;
     }
-    let product = f64::from(f32::from_bits(first)) * f64::from(f32::from_bits(*second));
-    let factor = Typed::new(Kind::Constant((product as f32).to_bits()), &REAL, right.span);
-    Some(Typed::new(Kind::Arithmetic(op, value.clone(), Box::new(factor)), &REAL, span))
+    let node = |op, a: Typed<'c>, b: Typed<'c>| Typed::new(Kind::Arithmetic(op, Box::new(a), Box::new(b)), &REAL, span);
+    // A factor with what it is a factor of.
+    let parts = |value: &Typed<'c>| match &value.kind {
+        Kind::Arithmetic(inner @ (AccuOp::Mul | AccuOp::Div), a, b) => match (&a.kind, &b.kind) {
+            (Kind::Constant(factor), _) => Some((*factor, *inner, (**b).clone())),
+            (_, Kind::Constant(factor)) if *inner == AccuOp::Mul => Some((*factor, *inner, (**a).clone())),
+            _ => None,
+        },
+        _ => None,
+    };
+    let folded = |first: u32| {
+        let (a, b) = (f64::from(f32::from_bits(first)), f64::from(f32::from_bits(second)));
+        let factor = if op == AccuOp::Mul { a * b } else { a / b };
+        Typed::new(Kind::Constant((factor as f32).to_bits()), &REAL, right.span)
+    };
+    if let Some((factor, inner, value)) = parts(left) {
+        return Some(node(inner, folded(factor), value));
+    }
+    let Kind::Arithmetic(AccuOp::Mul, inner, last) = &left.kind else { return None };
+    let (factor, AccuOp::Mul, value) = parts(inner)? else { return None };
+    Some(node(AccuOp::Mul, node(AccuOp::Mul, folded(factor), (**last).clone()), value))
 }
 
 /// NOT of a bit string.

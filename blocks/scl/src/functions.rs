@@ -69,6 +69,9 @@ impl<'c> Checker<'c> {
 
     /// A standard function by its name in capitals; `None`: there is none of this name.
     fn standard(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
+        if let Some(result) = self.peek(name, args, span).or_else(|| self.timed(name, args, span)) {
+            return Some(result);
+        }
         // `NAME_TYPE` of TIA Portal says the type of the result.
         let (plain, ty) = match name.rsplit_once('_') {
             Some((plain, ty)) if NAMES.contains(&plain) || MATH.iter().any(|(n, _)| *n == plain) => {
@@ -130,8 +133,9 @@ impl<'c> Checker<'c> {
                 let [low, value, high] = self.values(plain, ["MN", "IN", "MX"], args, span)?;
                 let common = self.common(vec![low, value, high], span);
                 common.and_then(|(all, ty)| {
+                    let (all, by) = self.ordered(all, ty)?;
                     let all: [Typed<'c>; 3] = all.try_into().ok()?;
-                    Some(Typed::new(Kind::Limit(Box::new(all)), ty, span))
+                    self.back(Typed::new(Kind::Limit(Box::new(all)), by, span), ty)
                 })
             }
             "SHL" => self.shift(Shifted::Left, args, span, ty),
@@ -180,6 +184,13 @@ impl<'c> Checker<'c> {
     /// `X_TO_Y` of elementary types.
     fn conversion(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
         let (from, to) = name.split_once("_TO_")?;
+        // The bits of a REAL are those of a DWORD; of a UDINT the value is meant.
+        let value = |a: &str, b: &str| a == "UDINT" && b == "REAL";
+        if value(from, to) || value(to, from) {
+            let remedy = "Convert by way of DINT: DINT_TO_REAL(UDINT_TO_DINT(...)).".to_owned();
+            self.report_with(span, &codes::NOT_SUPPORTED, format!("{name} is not known here"), remedy);
+            return Some(None);
+        }
         let (from, to) = (types::named(from)?, types::named(to)?);
         let text = |ty: &DataType| matches!(ty, DataType::String(_));
         if text(from) && *to == DataType::Char {
@@ -208,7 +219,7 @@ impl<'c> Checker<'c> {
     }
 
     /// The values of a function's parameters, by name or in their order. The outer `None`: reported.
-    fn values<const N: usize>(
+    pub(crate) fn values<const N: usize>(
         &mut self,
         function: &str,
         names: [&str; N],
@@ -237,7 +248,7 @@ impl<'c> Checker<'c> {
         Some(out)
     }
 
-    fn wrong(&mut self, function: &str, value: &Typed<'c>, takes: &str) -> Option<Typed<'c>> {
+    pub(crate) fn wrong(&mut self, function: &str, value: &Typed<'c>, takes: &str) -> Option<Typed<'c>> {
         if !value.is_bad() {
             let message = format!("{function} takes {takes}, this is {}", with_article(short(value.ty)));
             self.report(value.span, &codes::OPERANDS, message);
@@ -345,7 +356,13 @@ impl<'c> Checker<'c> {
             return None;
         }
         let (all, ty) = self.common(values, span)?;
-        Some(Typed::new(Kind::Extreme(relation, all), ty, span))
+        let (all, by) = self.ordered(all, ty)?;
+        self.back(Typed::new(Kind::Extreme(relation, all), by, span), ty)
+    }
+
+    /// A result that was calculated in another type.
+    fn back(&self, value: Typed<'c>, ty: &'c DataType) -> Option<Typed<'c>> {
+        if value.ty == ty { Some(value) } else { explicit(value, ty) }
     }
 
     /// Values in one type that takes all of them.

@@ -26,9 +26,12 @@ mod names;
 mod options;
 mod parse_expr;
 mod parse_stmt;
+mod peek;
 mod syntax;
+mod timers;
 mod tree;
 mod types;
+mod unsigned;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -103,6 +106,9 @@ impl Statements for Scl {
         code.concat = checker.block_called("CONCAT");
         let move_block = BlockId::new(ob1_model::BlockKind::Sfc, 20);
         code.move_block = world.blocks.contains_key(&move_block).then_some(move_block);
+        let params = info.interface.params.iter().enumerate();
+        code.texts = params.filter(|(_, p)| matches!(p.ty, ob1_model::DataType::String(_))).map(|(at, _)| at).collect();
+        code.has_instance = id.kind.has_instance();
         let formals = (0u16..).zip(info.interface.formals());
         code.elementary = formals.filter(|(_, p)| !p.ty.is_composed()).map(|(at, _)| at).collect();
         let mut lowerer = Lowerer::new(checker, code);

@@ -230,6 +230,16 @@ impl<'c> Lowerer<'c> {
     }
 
     fn call(&mut self, reference: &Ref) {
+        let name = self.check.name(reference.first);
+        if let [crate::syntax::Step::Call(args)] = reference.steps.as_slice()
+            && self.check.block_called(name).is_none()
+            && let Some(poked) = self.check.poke(name, args, reference.span)
+        {
+            if let Some((place, value)) = poked {
+                self.code.assign(&place, value.ty, &value);
+            }
+            return;
+        }
         match self.check.named(reference) {
             Some(Named::Value(value)) => match &value.kind {
                 Kind::Call(call) => {
@@ -299,15 +309,20 @@ impl<'c> Lowerer<'c> {
             self.next_list += 1;
             return;
         };
-        if !is_whole(ty) {
+        let unsigned = self.check.options.tia && is_bits(ty);
+        if !is_whole(ty) && !unsigned {
             let message = format!("the variable of a FOR is an INT or DINT, this is {}", ty.name());
             self.check.report(span, &codes::LOOP_VARIABLE, message);
             self.next_list += 1;
             return;
         }
+        let own = ty;
         let ty: &'static DataType = if *ty == DataType::Int { &INT } else { &DINT };
-        let counter = Typed::new(Kind::Var(var.clone()), ty, span);
-        let (start, end) = (self.bound(&one.start, ty), self.bound(&one.end, ty));
+        let counter = Typed::new(Kind::Var(var.clone()), own, span);
+        let (start, end) = (self.bound(&one.start, own), self.bound(&one.end, own));
+        // Unsigned numbers are counted as DINT.
+        let counted = |value: Typed<'c>| if unsigned { crate::convert::explicit(value, &DINT) } else { Some(value) };
+        let (Some(counter), end) = (counted(counter), end.and_then(counted)) else { return };
         let step = match &one.step {
             Some(step) => self.bound(step, ty),
             None => Some(Typed::new(Kind::Constant(1), ty, span)),
@@ -322,7 +337,7 @@ impl<'c> Lowerer<'c> {
         }
         let end = self.kept(end);
         let step = self.kept(step);
-        self.code.assign(&var, ty, &start);
+        self.code.assign(&var, own, &start);
         let (again, next, exit) = (self.code.label(), self.code.label(), self.code.label());
         self.code.set(again);
         self.for_test(&counter, &end, &step, exit);
@@ -331,7 +346,7 @@ impl<'c> Lowerer<'c> {
         self.code.set(next);
         let sum = Typed::new(Kind::Arithmetic(ob1_ir::AccuOp::Add, Box::new(counter), Box::new(step)), ty, span);
         self.code.value(&sum);
-        let operand = self.code.temp(Width::of(ty).unwrap_or(Width::Word));
+        let operand = self.code.temp(Width::of(own).unwrap_or(Width::Word));
         if var.is_direct() {
             let place = self.code.place(&var);
             self.code.op(Op::Transfer(Operand { place, ..operand }));

@@ -12,7 +12,7 @@ use crate::codes;
 use crate::functions::is_standard;
 use crate::syntax::{Expr, Ref, Step};
 use crate::tree::{Base, Kind, Side, Typed, Var};
-use crate::types::{BLOCK_DB, BOOL, CHAR, COUNTER, DINT, TIMER};
+use crate::types::{BLOCK_DB, BOOL, CHAR, COUNTER, TIMER};
 
 /// What a name or a name with some of its steps is.
 #[derive(Clone, Debug)]
@@ -428,14 +428,7 @@ impl<'c> Checker<'c> {
     /// An index as a DINT.
     pub(crate) fn index(&mut self, expr: &Expr) -> Option<Typed<'c>> {
         let value = self.expr(expr);
-        if value.is_bad() {
-            return None;
-        }
-        let value = match value.ty {
-            DataType::Byte | DataType::Word | DataType::DWord => crate::convert::explicit(value, &DINT)?,
-            _ => self.coerced(value, &DINT)?,
-        };
-        Some(value)
+        self.whole_number(value)
     }
 
     /// What follows the point behind a data block.

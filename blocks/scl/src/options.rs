@@ -11,14 +11,15 @@ pub(crate) struct Options {
     pub(crate) monitor_limits: bool,
     /// The length of each STRING that a function gives back and that is kept in between.
     pub(crate) longest_text: u8,
-    /// An optimised block of TIA Portal.
+    /// A block of TIA Portal: it is optimised, or its name stands in quotes.
     pub(crate) tia: bool,
 }
 
 impl Options {
     /// Those of a block: its attributes, and those before it.
     pub(crate) fn of(block: &Block, file: &File<'_>) -> Self {
-        let mut options = Self { set_ok: false, monitor_limits: false, longest_text: 254, tia: block.optimized };
+        let tia = block.optimized || file.slice(block.span).starts_with('"');
+        let mut options = Self { set_ok: false, monitor_limits: false, longest_text: 254, tia };
         let body = block.scl.as_ref().map_or(0, |range| range.start);
         for token in file.tokens.iter().take(body).filter(|t| t.kind == Kind::Attributes) {
             options.read(file.of(*token));

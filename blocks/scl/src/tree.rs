@@ -50,6 +50,8 @@ pub(crate) enum Kind<'w> {
     Ok,
     /// BR after a call.
     Eno,
+    /// A timer or counter that is worked as a function.
+    Timed(Box<Timed<'w>>),
     Timer(Number),
     Counter(Number),
     /// A block by its number: DB, FB, FC.
@@ -74,6 +76,8 @@ pub(crate) enum Check {
     Bits(u32),
     /// The number before is no INT.
     Int,
+    /// The number before is not within a day.
+    Day,
     /// OV is set.
     Overflow,
     /// OV is set, or the number is no INT before the last step.
@@ -122,6 +126,24 @@ pub(crate) struct Term<'w> {
     /// The highest index, where array limits are monitored.
     pub(crate) high: i32,
     pub(crate) stride: u32,
+}
+
+/// A timer or counter as a function.
+#[derive(Clone, Debug)]
+pub(crate) struct Timed<'w> {
+    pub(crate) stages: Vec<Stage<'w>>,
+    /// Variables, and what they get.
+    pub(crate) outputs: Vec<(Typed<'w>, Typed<'w>)>,
+    /// Loads the value of the function.
+    pub(crate) result: Op,
+}
+
+/// `A bit; L load; op`.
+#[derive(Clone, Debug)]
+pub(crate) struct Stage<'w> {
+    pub(crate) bit: Typed<'w>,
+    pub(crate) load: Option<Typed<'w>>,
+    pub(crate) op: Op,
 }
 
 /// A call of a block.

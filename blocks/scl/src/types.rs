@@ -24,7 +24,7 @@ pub(crate) static TIMER: DataType = DataType::Timer;
 pub(crate) static COUNTER: DataType = DataType::Counter;
 
 /// The types that conversions name: `X_TO_Y`.
-static NAMED: [(&str, &DataType); 18] = [
+static NAMED: [(&str, &DataType); 20] = [
     ("BOOL", &BOOL),
     ("BYTE", &BYTE),
     ("CHAR", &CHAR),
@@ -42,7 +42,9 @@ static NAMED: [(&str, &DataType); 18] = [
     ("DATE_AND_TIME", &DT),
     ("STRING", &STRING),
     ("BLOCK_DB", &BLOCK_DB),
+    ("USINT", &BYTE),
     ("UINT", &WORD),
+    ("UDINT", &DWORD),
 ];
 
 /// The type with this name.

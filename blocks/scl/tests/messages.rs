@@ -43,6 +43,7 @@ fn each_mistake_has_its_number() {
         ("a : INT;", "a := b;", "S2101"),
         ("a : INT;", "nothing_like_that(1);", "S2101"),
         ("#T3 : INT;", "T3 := 1;", "S2103"),
+        ("#MW3 : INT; w : WORD;", "#MW3 := 1; w := MW3;", "S2107"),
         ("a : INT;", "MW100 := INT_TO_WORD(a);", "S2502"),
         ("r : REAL; b : BOOL;", "r := 1.0; b := r = 2.0;", "S2205"),
         ("s : STRING[2];", "s := 'abc';", "S2206"),
@@ -165,15 +166,14 @@ fn mutated(rng: &mut fastrand::Rng, text: &str) -> Vec<u8> {
     bytes
 }
 
-const SEED: &str = "TYPE UDT1 : STRUCT a : INT; b : ARRAY[0..3] OF BYTE; END_STRUCT; END_TYPE
-FUNCTION_BLOCK FB1 VAR_INPUT x : REAL; END_VAR VAR_OUTPUT q : BOOL; END_VAR VAR s : UDT1; t AT s : ARRAY[0..5] OF BYTE; END_VAR
-BEGIN s.a := REAL_TO_INT(x) + 1; s.b[s.a] := t[1]; q := s.a > 3 AND NOT (x < 1.5E3 OR q); END_FUNCTION_BLOCK
-FUNCTION FC1 : DINT VAR_INPUT n : INT; d : STRING[9]; END_VAR VAR i : INT; r : ARRAY[1..2, 0..1] OF DWORD; END_VAR
-CONST k := 3; END_CONST
-BEGIN FC1 := 0; FOR i := 1 TO n BY 2 DO FC1 := FC1 + i * k; IF i = 7 THEN EXIT; END_IF; END_FOR;
-CASE n OF 1, 2: r[1, 0] := DW#16#F; 3..9: r[n, 1] := SHL(IN := r[1, 1], N := n); ELSE RETURN; END_CASE;
-WHILE i > 0 DO i := i - 1; END_WHILE; REPEAT i := i + 1; UNTIL i > 3 END_REPEAT; FB1.DB1(x := 1.0); MW[i] := 16#FF;
-IF DB1.q AND d = 'x' THEN M1.0 := SEL(G := q, IN0 := TRUE, IN1 := FALSE); END_IF; END_FUNCTION\n";
+/// The corpus of the fuzz target: classic blocks, a machine, TIA Portal's dialect, calls and texts, mistakes.
+const SEEDS: [&str; 5] = [
+    include_str!("../../../fuzz/corpus/scl/01_classic.scl"),
+    include_str!("../../../fuzz/corpus/scl/02_tank.scl"),
+    include_str!("../../../fuzz/corpus/scl/03_tia.scl"),
+    include_str!("../../../fuzz/corpus/scl/04_calls.scl"),
+    include_str!("../../../fuzz/corpus/scl/05_mistakes.scl"),
+];
 
 #[test]
 #[allow(clippy::disallowed_methods, reason = "the length of the campaign comes from the environment")]
@@ -181,11 +181,25 @@ fn no_text_breaks_the_compiler() {
     // `SCL_MUTATIONS=1000000 cargo test -p ob1-scl --release` is the campaign.
     let count = std::env::var("SCL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(2_000);
     let mut rng = fastrand::Rng::with_seed(36);
-    for _ in 0..count {
-        let bytes = mutated(&mut rng, SEED);
-        let output = compile(&[Source::new("p.scl", bytes)], &Library::new(), &Options::default());
-        assert!(output.diagnostics.len() < 400, "findings are bounded");
+    let mut library = Library::new();
+    for block in ob1_std::standard_blocks() {
+        library.insert(block.id, block.name, block.interface);
     }
+    let mut good = 0;
+    for _ in 0..count {
+        let seed = SEEDS[rng.usize(..SEEDS.len())];
+        let bytes = mutated(&mut rng, seed);
+        let length = bytes.len() as u64;
+        let output = compile(&[Source::new("p.scl", bytes)], &library, &Options::default());
+        assert!(output.diagnostics.len() < 400, "findings are bounded");
+        assert!(output.steps < 200_000 + 8_192 * length, "the work is linear: {}", output.steps);
+        if output.is_good() {
+            good += 1;
+            let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|block| &block.interface));
+            assert_eq!(verified.map(drop), Ok(()));
+        }
+    }
+    assert!(good > count / 100, "some are left good, and pass the verifier: {good}");
 }
 
 #[test]

@@ -364,13 +364,16 @@ impl<'a> Lexer<'a> {
     }
 
     fn starts_line(&self) -> bool {
-        self.tokens.last().is_none_or(|t| t.kind == Kind::Newline)
+        // Compiler options stand before the first word of a block.
+        let before = self.tokens.iter().rev().find(|t| t.kind != Kind::Attributes);
+        before.is_none_or(|t| t.kind == Kind::Newline)
     }
 
     /// A title begins a line, or follows the name of its block or network.
     fn title_may_stand(&self) -> bool {
         let line = self.tokens.iter().rposition(|t| t.kind == Kind::Newline).map_or(0, |at| at + 1);
-        self.tokens.get(line).is_none_or(|first| {
+        let mut words = self.tokens.iter().skip(line).skip_while(|t| t.kind == Kind::Attributes);
+        words.next().is_none_or(|first| {
             let word = self.text.get(first.span.start as usize..first.span.end as usize).unwrap_or("");
             begins_block(word) || word.eq_ignore_ascii_case("NETWORK")
         })

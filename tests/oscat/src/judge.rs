@@ -1,5 +1,7 @@
 //! One block, two ways: random calls of both programs, and what differs afterwards.
 
+use std::collections::BTreeSet;
+
 use ob1_cpu::{
     Cell, Clock, Command, Cpu, CpuConfig, NativeBlock, OperatingState, Width, engine, standard_block, system_blocks,
 };
@@ -9,6 +11,20 @@ use ob1_time::{Instant, Span};
 
 /// The data block that holds the parameters of a function, and the instance of a function block.
 const DATA: u16 = 9000;
+/// The data block that pointers lead to, and its bytes.
+const REGION: u16 = 9001;
+const REGION_BYTES: u32 = 8192;
+/// The function that clears the local data which the judged block gets, and its bytes: what a block reads without
+/// having written it is 0 on both sides.
+const CLEAR: u16 = 9000;
+const CLEAR_BYTES: u32 = 6000;
+/// Statements of a call after which it counts as endless.
+const ENDLESS: u64 = 2_000_000;
+/// Endless calls of a block, after which no more are made.
+const MOST_ENDLESS: u32 = 20;
+
+/// Why a block is left out that is no failure.
+pub const NO_MACHINE_CODE: &str = "its project has no machine code of it";
 
 /// Virtual time: each cycle lasts as long as it is told.
 struct Virtual(Instant, u64);
@@ -20,7 +36,7 @@ impl Clock for Virtual {
     fn executed(&mut self, statements: u64) {
         self.1 += statements;
         // A loop without end is found by the monitoring of the cycle.
-        if self.1 > 2_000_000 {
+        if self.1 > ENDLESS {
             self.0 += Span::from_millis(1000);
         }
     }
@@ -40,55 +56,72 @@ pub enum Verdict {
 }
 
 /// A parameter with its place in the data block.
-struct Slot {
+pub struct Slot {
     at: BitAddr,
     ty: DataType,
-    section: Section,
+    pub section: Section,
+    /// Of what a pointer leads to: its place in [`REGION`].
+    region: Option<BitAddr>,
 }
 
-/// Components of a type that are elementary or texts.
+/// The parameters of a block in its data block, and the bytes of that.
 fn slots(interface: &Interface, id: BlockId) -> (Vec<Slot>, u32) {
     let mut out = Vec::new();
-    if id.kind.has_instance() {
-        for p in interface.params.iter().filter(|p| p.section != Section::Temp) {
-            out.push(Slot { at: p.at, ty: p.ty.clone(), section: p.section });
-        }
-        return (out, interface.instance_bytes);
-    }
+    let mut region = Layout::new();
     let mut layout = Layout::new();
-    for p in interface.formals() {
+    let has_instance = id.kind.has_instance();
+    for p in interface.params.iter().filter(|p| p.section != Section::Temp) {
+        if p.section == Section::Static && !has_instance {
+            continue;
+        }
+        let pointed = has_instance && p.is_pointer();
+        let region = pointed.then(|| {
+            region.end_section();
+            region.place(&p.ty)
+        });
         layout.end_section();
-        out.push(Slot { at: layout.place(&p.ty), ty: p.ty.clone(), section: p.section });
+        let at = if has_instance { p.at } else { layout.place(&p.ty) };
+        out.push(Slot { at, ty: p.ty.clone(), section: p.section, region });
     }
     layout.end_section();
-    (out, layout.bytes().max(2))
+    (out, if has_instance { interface.instance_bytes } else { layout.bytes().max(2) })
 }
 
-fn simple(ty: &DataType) -> bool {
-    ty.elementary_bits().is_some() || matches!(ty, DataType::String(_) | DataType::DateAndTime)
+const fn is_pointer(ty: &DataType) -> bool {
+    matches!(ty, DataType::Any | DataType::Pointer)
 }
 
-/// True for a block whose parameters can be drawn.
-fn drawable(interface: &Interface, id: BlockId) -> Result<(), String> {
-    for p in interface.formals() {
-        let data = |ty: &DataType| {
-            let mut all = Vec::new();
-            Layout::components("", ty, BitAddr(0), &mut all);
-            all.iter().all(|c| simple(&c.ty))
-        };
-        if p.ty.is_parameter_type() || matches!(p.ty, DataType::Any | DataType::Pointer) || !data(&p.ty) {
-            return Err(format!("{} is {}", p.name, p.ty.name()));
-        }
-        if id.kind.has_instance() && p.is_pointer() {
-            return Err(format!("{} is a composed in/out", p.name));
-        }
-    }
-    Ok(())
+/// Why the parameters of a block cannot be drawn, if they cannot.
+fn undrawable(interface: &Interface) -> Option<String> {
+    let simple =
+        |ty: &DataType| ty.elementary_bits().is_some() || matches!(ty, DataType::String(_) | DataType::DateAndTime);
+    let data = |ty: &DataType| {
+        let mut all = Vec::new();
+        Layout::components("", ty, BitAddr(0), &mut all);
+        all.iter().all(|c| simple(&c.ty))
+    };
+    let known = |p: &&Param| !p.ty.is_parameter_type() && (is_pointer(&p.ty) || data(&p.ty));
+    interface.formals().find(|p| !known(p)).map(|p| format!("{} is {}", p.name, p.ty.name()))
 }
 
 fn operand(slot: &Slot) -> Arg {
+    if is_pointer(&slot.ty) {
+        return Arg::Bytes(pointer(&slot.ty, BitAddr(0)).into());
+    }
     let width = Width::of(&slot.ty).unwrap_or(Width::Byte);
     Arg::Operand(Operand { width, place: Place::InDb(DATA, slot.at) })
+}
+
+/// A POINTER or ANY to a place in [`REGION`].
+fn pointer(ty: &DataType, at: BitAddr) -> Vec<u8> {
+    let mut out = Vec::new();
+    if *ty == DataType::Any {
+        out.extend([0x10, 2]);
+        out.extend((REGION_BYTES as u16).to_be_bytes());
+    }
+    out.extend(REGION.to_be_bytes());
+    out.extend((u32::from(Area::Db.pointer_code()) << 24 | at.0).to_be_bytes());
+    out
 }
 
 /// The program with an OB 1 that calls the block, and keeps BR in M 0.0.
@@ -105,88 +138,129 @@ fn with_call(program: &Program, id: BlockId, interface: &Interface) -> Program {
     let call = Call { mode: CallMode::Call, target: Target::Block(id), instance: number, args };
     let test = ob1_ir::BitTest::Status(ob1_ir::StatusBit::BinaryResult);
     let bit = Place::Fixed(Area::Memory, BitAddr(0));
+    let clear = Call {
+        mode: CallMode::Call,
+        target: Target::Block(BlockId::new(BlockKind::Fc, CLEAR)),
+        instance: None,
+        args: Vec::new(),
+    };
     let ops = vec![
+        Op::Call(Box::new(clear)),
         Op::SetRlo,
         Op::SaveRlo,
         Op::Call(Box::new(call)),
         Op::Scan { logic: ob1_ir::Logic::And, negate: false, test },
         Op::Assign(bit),
     ];
-    let block = |number, ops: Vec<Op>| CodeBlock {
-        id: BlockId::new(BlockKind::Ob, number),
+    let block = |kind, number, temp_bytes, ops: Vec<Op>| CodeBlock {
+        id: BlockId::new(kind, number),
         name: None,
-        interface: Interface { temp_bytes: 20, ..Interface::default() },
+        interface: Interface { temp_bytes, ..Interface::default() },
         code: ops.into_iter().map(|op| Stmt { op, network: 1, line: 1 }).collect(),
         source: 0,
     };
-    program.blocks.push(block(1, ops));
-    program.blocks.push(block(121, Vec::new()));
-    program.blocks.push(block(122, Vec::new()));
-    program.blocks.push(block(80, Vec::new()));
+    program.blocks.push(block(BlockKind::Ob, 1, 20, ops));
+    let local = |at| Operand { width: Width::DWord, place: Place::Fixed(Area::Local, BitAddr::byte_addr(at)) };
+    let clears = (0..CLEAR_BYTES).step_by(4).map(|at| Op::Transfer(local(at)));
+    program.blocks.push(block(
+        BlockKind::Fc,
+        CLEAR,
+        CLEAR_BYTES,
+        std::iter::once(Op::LoadConst(0)).chain(clears).collect(),
+    ));
+    // What an area or number error calls: both sides go on.
+    for number in [121, 122, 80] {
+        program.blocks.push(block(BlockKind::Ob, number, 20, Vec::new()));
+    }
     let kind = if instance { DataKind::Instance(id) } else { DataKind::Global };
     let mut image = vec![0; bytes as usize];
-    for (p, slot) in interface.params.iter().filter(|p| p.section != Section::Temp).zip(&slots) {
-        prepare(p, slot, &mut image);
+    if instance {
+        let params = interface.params.iter().filter(|p| p.section != Section::Temp);
+        params.zip(&slots).for_each(|(p, slot)| prepare(p, slot, &mut image));
+    } else {
+        slots.iter().for_each(|slot| lengths(&slot.ty, slot.at, &mut image));
     }
-    program.data.push(DataBlock {
-        number: DATA,
+    let mut region = vec![0; REGION_BYTES as usize];
+    for slot in slots.iter().filter_map(|s| Some((s.region?, &s.ty))) {
+        lengths(slot.1, slot.0, &mut region);
+    }
+    let data = |number, kind, bytes| DataBlock {
+        number,
         name: None,
         kind,
-        bytes: image,
+        bytes,
         components: Vec::new(),
         read_only: false,
         non_retain: false,
-    });
+    };
+    program.data.retain(|d| d.number != REGION);
+    program.data.push(data(DATA, kind, image));
+    program.data.push(data(REGION, DataKind::Global, region));
     if program.sources.is_empty() {
         program.sources.push("machine code".to_owned());
     }
     program
 }
 
+/// The start value of a parameter or variable of an instance.
 fn prepare(param: &Param, slot: &Slot, image: &mut [u8]) {
     let start = slot.at.byte() as usize;
     match (&param.initial, &slot.ty) {
+        _ if slot.region.is_some() || is_pointer(&slot.ty) => {
+            let bytes = pointer(
+                if slot.region.is_some() { &DataType::Pointer } else { &slot.ty },
+                slot.region.unwrap_or(BitAddr(0)),
+            );
+            image[start..start + bytes.len()].copy_from_slice(&bytes);
+        }
         (Some(bytes), DataType::Bool) => {
             if bytes.first().is_some_and(|b| b & 1 == 1) {
                 image[start] |= 1 << slot.at.bit();
             }
         }
         (Some(bytes), _) => image[start..start + bytes.len()].copy_from_slice(bytes),
-        (None, ty) => {
-            let mut all = Vec::new();
-            Layout::components("", ty, slot.at, &mut all);
-            for c in all {
-                if let DataType::String(max) = c.ty {
-                    image[c.at.byte() as usize] = max;
-                }
-            }
+        (None, ty) => lengths(ty, slot.at, image),
+    }
+}
+
+/// The maximum length of each STRING.
+fn lengths(ty: &DataType, at: BitAddr, image: &mut [u8]) {
+    let mut all = Vec::new();
+    Layout::components("", ty, at, &mut all);
+    for c in all {
+        if let DataType::String(max) = c.ty {
+            image[c.at.byte() as usize] = max;
         }
     }
 }
 
 /// A CPU with its clock.
-struct Side {
+pub struct Side {
     cpu: Cpu,
     clock: Virtual,
 }
 
 impl Side {
-    fn new(program: &Program, natives: Vec<Box<dyn NativeBlock>>) -> Result<Self, String> {
+    pub fn new(
+        program: &Program,
+        natives: Vec<Box<dyn NativeBlock>>,
+        engine: &dyn engine::Factory,
+    ) -> Result<Self, String> {
         let config = CpuConfig { memory_bytes: 1024, ..CpuConfig::default() };
-        let cpu = Cpu::new(config, program, natives, Vec::new(), engine::REFERENCE);
+        let cpu = Cpu::new(config, program, natives, Vec::new(), engine);
         let mut cpu = cpu.map_err(|e| format!("{e:?}"))?;
         cpu.request(Command::Run);
         Ok(Self { cpu, clock: Virtual(Instant::START, 0) })
     }
 
-    fn cycle(&mut self, step: Span) -> OperatingState {
+    pub fn cycle(&mut self, step: Span) -> OperatingState {
         self.clock.0 += step;
         self.clock.1 = 0;
         self.cpu.cycle(&mut self.clock).state
     }
 
-    fn write(&mut self, at: BitAddr, width: Width, value: u32) {
-        let _ = self.cpu.write(Cell::Db(DATA, at.0), width, value);
+    fn write(&mut self, db: u16, at: BitAddr, width: Width, value: u32) {
+        let _ = self.cpu.write(Cell::Db(db, at.0), width, value);
     }
 
     fn why(&self) -> String {
@@ -264,184 +338,229 @@ fn text(rng: &mut fastrand::Rng, max: u8) -> Vec<u8> {
     (0..length).map(|_| if rng.u8(..) < 12 { rng.u8(..) } else { kind[rng.usize(..kind.len())] }).collect()
 }
 
-/// Draws a value for each place, into both sides.
-fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32) {
+/// Draws a value for each place of a parameter, into both sides. `short`: whole numbers are small.
+pub fn supply(sides: &mut [Side; 2], slot: &Slot, rng: &mut fastrand::Rng, call: u32, short: bool) {
+    if is_pointer(&slot.ty) {
+        return;
+    }
+    let (db, at) = slot.region.map_or((DATA, slot.at), |at| (REGION, at));
     let mut all = Vec::new();
-    Layout::components("", &slot.ty, slot.at, &mut all);
+    Layout::components("", &slot.ty, at, &mut all);
+    let mut write = |at: u32, width, value| sides.iter_mut().for_each(|side| side.write(db, BitAddr(at), width, value));
     for c in all {
-        match &c.ty {
+        let bytes = match &c.ty {
             DataType::String(max) => {
                 let text = text(rng, *max);
-                let bytes = [&[*max, text.len() as u8][..], &text].concat();
-                for (at, byte) in (0u32..).zip(bytes) {
-                    for side in sides.iter_mut() {
-                        side.write(BitAddr(c.at.0 + at * 8), Width::Byte, u32::from(byte));
-                    }
-                }
+                [&[*max, text.len() as u8][..], &text].concat()
             }
-            DataType::DateAndTime => {
-                let bcd = |v: u32| ((v / 10) << 4) | (v % 10);
-                let bytes = [
-                    bcd(rng.u32(..100)),
-                    bcd(rng.u32(1..13)),
-                    bcd(rng.u32(1..29)),
-                    bcd(rng.u32(..24)),
-                    bcd(rng.u32(..60)),
-                    bcd(rng.u32(..60)),
-                    bcd(rng.u32(..100)),
-                    rng.u32(..10) << 4 | rng.u32(1..8),
-                ];
-                for (at, byte) in (0u32..).zip(bytes) {
-                    for side in sides.iter_mut() {
-                        side.write(BitAddr(c.at.0 + at * 8), Width::Byte, byte);
-                    }
-                }
-            }
+            DataType::DateAndTime => date(rng),
             ty => {
                 let value = draw(rng, ty, call);
-                let width = Width::of(ty).unwrap_or(Width::Byte);
-                for side in sides.iter_mut() {
-                    side.write(c.at, width, value);
-                }
+                let value = if short && matches!(ty, DataType::Int | DataType::Word) { value % 1500 } else { value };
+                write(c.at.0, Width::of(ty).unwrap_or(Width::Byte), value);
+                continue;
             }
+        };
+        for (at, byte) in (0u32..).zip(bytes) {
+            write(c.at.0 + at * 8, Width::Byte, u32::from(byte));
         }
     }
 }
 
-/// What runs the library of both sides.
-fn natives(replaced: &std::collections::BTreeSet<BlockId>) -> Vec<Box<dyn NativeBlock>> {
-    let mut natives: Vec<Box<dyn NativeBlock>> = system_blocks();
-    for block in ob1_std::standard_blocks() {
-        if replaced.contains(&block.id) && block.origin == ob1_std::Origin::Iec {
-            natives.push(standard_block(block.id, block));
-        }
-    }
-    natives
+/// A DATE_AND_TIME.
+fn date(rng: &mut fastrand::Rng) -> Vec<u8> {
+    let bcd = |v: u8| ((v / 10) << 4) | (v % 10);
+    let [year, month, day] = [rng.u8(..100), rng.u8(1..13), rng.u8(1..29)].map(bcd);
+    let [hour, minute, second] = [rng.u8(..24), rng.u8(..60), rng.u8(..60)].map(bcd);
+    vec![year, month, day, hour, minute, second, bcd(rng.u8(..100)), rng.u8(..10) << 4 | rng.u8(1..8)]
 }
 
-/// Judges one block over so many calls.
-pub fn judge(
-    reference: &Program,
-    ours: &Program,
-    id: BlockId,
-    replaced: &std::collections::BTreeSet<BlockId>,
-    calls: u32,
-) -> Verdict {
-    let find = |p: &Program| p.blocks.iter().find(|b| b.id == id).map(|b| b.interface.clone());
-    let (Some(theirs), Some(own)) = (find(reference), find(ours)) else {
-        return Verdict::Left("it is not in both programs".to_owned());
-    };
-    if let Err(why) = drawable(&own, id) {
-        return Verdict::Left(why);
+/// Draws what pointers lead to: the beginning each time, and some of the rest.
+fn fill(sides: &mut [Side; 2], rng: &mut fastrand::Rng, call: u32) {
+    let ty = [DataType::Real, DataType::Byte, DataType::DWord][rng.usize(..3)].clone();
+    let width = Width::of(&ty).unwrap_or(Width::Byte);
+    let from = rng.u32(..REGION_BYTES / 4 - 16) * 4;
+    let step = width.bytes() as usize;
+    for at in (0..64).chain(from..from + 64).step_by(step) {
+        let value = draw(rng, &ty, call);
+        sides.iter_mut().for_each(|side| side.write(REGION, BitAddr::byte_addr(at), width, value));
     }
-    let kinds = |i: &Interface| i.formals().map(|p| p.ty.name()).collect::<Vec<_>>();
-    if kinds(&theirs) != kinds(&own) || theirs.instance_bytes != own.instance_bytes {
-        return Verdict::Left("the interfaces differ".to_owned());
+}
+
+/// Both programs, prepared for the calls of one block.
+pub struct Pair<'p> {
+    pub id: BlockId,
+    interface: Interface,
+    pub programs: [Program; 2],
+    replaced: &'p BTreeSet<BlockId>,
+}
+
+impl<'p> Pair<'p> {
+    /// # Errors
+    /// Why the block cannot be judged.
+    pub fn new(
+        reference: &Program,
+        ours: &Program,
+        id: BlockId,
+        replaced: &'p BTreeSet<BlockId>,
+    ) -> Result<Self, String> {
+        let find = |p: &Program| p.blocks.iter().find(|b| b.id == id).map(|b| b.interface.clone());
+        let theirs = find(reference).ok_or(NO_MACHINE_CODE)?;
+        let interface = find(ours).ok_or("it is not compiled")?;
+        if let Some(why) = undrawable(&interface) {
+            return Err(why);
+        }
+        let kinds = |i: &Interface| i.formals().map(|p| p.ty.name()).collect::<Vec<_>>();
+        if kinds(&theirs) != kinds(&interface) || theirs.instance_bytes != interface.instance_bytes {
+            return Err("the interfaces differ".to_owned());
+        }
+        let programs = [reference, ours].map(|p| with_call(p, id, &interface));
+        Ok(Self { id, interface, programs, replaced })
     }
-    if std::env::var_os("OB1_SHOW").is_some() {
-        for (name, p) in [("theirs", reference), ("ours", ours)] {
-            let mut one = p.clone();
-            one.blocks.retain(|b| b.id == id);
+
+    /// The statements of both.
+    pub fn listing(&self) -> String {
+        let one = |name: &str, program: &Program| {
+            let mut one = program.clone();
+            one.blocks.retain(|b| b.id == self.id);
             one.data.clear();
             one.symbols.clear();
-            println!(
-                "--- {name}\n{}",
-                ob1_stl::listing(&one).lines().filter(|l| !l.starts_with("source")).collect::<Vec<_>>().join("\n")
-            );
-        }
-    }
-    let sides = [reference, ours].map(|p| Side::new(&with_call(p, id, &own), natives(replaced)));
-    let [Ok(one), Ok(two)] = sides else {
-        let why: Vec<String> = sides.into_iter().filter_map(Result::err).collect();
-        return Verdict::Left(format!("it does not load: {}", why.join(", ")));
-    };
-    let mut sides = [one, two];
-    let (slots, _) = slots(&own, id);
-    let mut rng = fastrand::Rng::with_seed(u64::from(id.number) << 8 | id.kind as u64);
-    let mut stops = 0;
-    for call in 0..calls {
-        let sections = |s: Section| !matches!(s, Section::Static | Section::Temp);
-        for slot in slots.iter().filter(|s| sections(s.section)) {
-            let input = matches!(slot.section, Section::Input | Section::InOut);
-            // Outputs of a function have what the caller left there: the same on both sides.
-            if input && (!id.kind.has_instance() || call < 20 || rng.u8(..) < 90) {
-                supply(&mut sides, slot, &mut rng, call);
-            }
-        }
-        let step = match rng.u8(..4) {
-            0 => Span::from_millis(1),
-            1 => Span::from_millis(rng.u64(1..50)),
-            2 => Span::from_millis(rng.u64(1..2000)),
-            _ => Span::from_millis(10),
+            format!("--- {name}\n{}", ob1_stl::listing(&one))
         };
-        let states = [sides[0].cycle(step), sides[1].cycle(step)];
-        if states[0] != states[1] {
-            let why = [sides[0].why(), sides[1].why()];
-            return Verdict::Differs(
-                call,
-                format!("theirs {:?} ({}), ours {:?} ({})", states[0], why[0], states[1], why[1]),
-            );
-        }
-        if states[0] != OperatingState::Run {
-            stops += 1;
-            if stops > 20 {
-                return Verdict::Left(format!("both stop: {}", sides[0].why()));
-            }
-            sides.iter_mut().for_each(|s| s.cpu.request(Command::Run));
-            continue;
-        }
-        if let Some(what) = difference(&sides, reference, &own, id) {
-            return Verdict::Differs(call, what);
-        }
+        let [theirs, ours] = &self.programs;
+        one("theirs", theirs) + &one("ours", ours)
     }
-    Verdict::Equal(calls)
+
+    /// What runs the library of both sides.
+    pub fn natives(&self) -> Vec<Box<dyn NativeBlock>> {
+        let mut natives: Vec<Box<dyn NativeBlock>> = system_blocks();
+        for block in ob1_std::standard_blocks() {
+            if self.replaced.contains(&block.id) && block.origin == ob1_std::Origin::Iec {
+                natives.push(standard_block(block.id, block));
+            }
+        }
+        natives
+    }
+
+    pub fn slots(&self) -> Vec<Slot> {
+        slots(&self.interface, self.id).0
+    }
+
+    fn sides(&self) -> Result<[Side; 2], String> {
+        let side = |program| {
+            Side::new(program, self.natives(), engine::REFERENCE).map_err(|why| format!("it does not load: {why}"))
+        };
+        Ok([side(&self.programs[0])?, side(&self.programs[1])?])
+    }
+
+    /// Judges the block over so many calls.
+    pub fn judge(&self, calls: u32) -> Verdict {
+        let mut sides = match self.sides() {
+            Ok(sides) => sides,
+            Err(why) => return Verdict::Left(why),
+        };
+        let slots = self.slots();
+        let instance = self.id.kind.has_instance();
+        let pointers = slots.iter().any(|s| is_pointer(&s.ty));
+        let mut rng = fastrand::Rng::with_seed(u64::from(self.id.number) << 8 | self.id.kind as u64);
+        let mut endless = 0;
+        for call in 0..calls {
+            // Outputs of a function have what the caller left there: the same on both sides.
+            for slot in slots.iter().filter(|s| matches!(s.section, Section::Input | Section::InOut)) {
+                if !instance || call < 20 || rng.u8(..) < 90 {
+                    supply(&mut sides, slot, &mut rng, call, pointers);
+                }
+            }
+            if pointers {
+                fill(&mut sides, &mut rng, call);
+            }
+            let step = match rng.u8(..4) {
+                0 => Span::from_millis(1),
+                1 => Span::from_millis(rng.u64(1..50)),
+                2 => Span::from_millis(rng.u64(1..2000)),
+                _ => Span::from_millis(10),
+            };
+            let states = sides.each_mut().map(|side| side.cycle(step));
+            let stopped = states.map(|state| state != OperatingState::Run);
+            // The statements of both differ, so that one may come to the end of a call that is endless for the other.
+            let late = sides.each_ref().map(|side| side.clock.1 > ENDLESS / 4);
+            if stopped == [true, true] || stopped.contains(&true) && late == [true, true] {
+                endless += 1;
+                if endless >= MOST_ENDLESS {
+                    return Verdict::Equal(call);
+                }
+                sides = match self.sides() {
+                    Ok(sides) => sides,
+                    Err(why) => return Verdict::Left(why),
+                };
+                continue;
+            }
+            if stopped != [false, false] {
+                let [theirs, ours] = sides.each_ref().map(Side::why);
+                return Verdict::Differs(
+                    call,
+                    format!("theirs {:?} ({theirs}), ours {:?} ({ours})", states[0], states[1]),
+                );
+            }
+            if let Some(what) = difference(&sides, &self.programs[0], &self.interface, self.id) {
+                return Verdict::Differs(call, what);
+            }
+        }
+        Verdict::Equal(calls)
+    }
 }
 
-/// What differs after a call.
+/// What differs after a call: what lies behind the actual length of a text means nothing, and a NaN is a NaN.
 fn difference(sides: &[Side; 2], reference: &Program, interface: &Interface, id: BlockId) -> Option<String> {
     let [one, two] = sides;
-    let (a, b) = (one.cpu.data_block(DATA)?, two.cpu.data_block(DATA)?);
-    if a != b {
-        let (slots, _) = slots(interface, id);
-        let params: Vec<&Param> = interface.params.iter().filter(|p| p.section != Section::Temp).collect();
-        let at = a.iter().zip(b).position(|(a, b)| a != b).unwrap_or(0);
-        let named = |p: &&Param, s: &Slot| {
-            let bytes = Layout::bits(&s.ty).div_ceil(8).max(1);
-            let from = s.at.byte() as usize;
-            if matches!(s.ty, DataType::String(_)) {
-                // What lies behind the actual length of a text means nothing.
-                let end = from + 2 + usize::from(*a.get(from + 1).unwrap_or(&0));
-                return (a.get(from..end) != b.get(from..end)).then(|| {
-                    format!(
-                        "{} {:?} {:?}",
-                        p.name,
-                        String::from_utf8_lossy(&a[from..end]),
-                        String::from_utf8_lossy(&b[from..end])
-                    )
-                });
-            }
-            let range = from..from + bytes as usize;
-            let (x, y) = (a.get(range.clone())?, b.get(range)?);
-            if s.ty == DataType::Real {
-                let real = |x: &[u8]| Some(f32::from_be_bytes(x.try_into().ok()?));
-                let (x, y) = (real(x)?, real(y)?);
-                return (!(x.is_nan() && y.is_nan()) && x.to_bits() != y.to_bits())
-                    .then(|| format!("{} {x} {y}", p.name));
-            }
-            (x != y).then(|| format!("{} ({}) {x:02x?} {y:02x?}", p.name, p.ty.name()))
-        };
-        let list: Vec<String> = params.iter().zip(&slots).filter_map(|(p, s)| named(p, s)).collect();
-        if !list.is_empty() {
-            return Some(format!("byte {at}: {}", list.join("; ")));
+    let data = |number| one.cpu.data_block(number).zip(two.cpu.data_block(number));
+    let mut list = Vec::new();
+    let (instance, region) = (data(DATA)?, data(REGION)?);
+    let params = interface.params.iter().filter(|p| p.section != Section::Temp);
+    for (param, slot) in params.zip(slots(interface, id).0) {
+        match slot.region {
+            Some(at) => compare(&param.name, &param.ty, at, region, &mut list),
+            None => compare(&param.name, &param.ty, slot.at, instance, &mut list),
         }
+    }
+    if let Some(first) = list.first() {
+        return Some(first.clone() + if list.len() > 1 { " and more" } else { "" });
     }
     if one.cpu.bit_memory() != two.cpu.bit_memory() {
         return Some(format!("BR or memory: {:02x?} {:02x?}", &one.cpu.bit_memory()[..4], &two.cpu.bit_memory()[..4]));
     }
-    for db in reference.data.iter().filter(|d| d.number != DATA) {
-        if one.cpu.data_block(db.number) != two.cpu.data_block(db.number) {
-            return Some(format!("DB {}", db.number));
+    let pointed = slots(interface, id).0.iter().any(|s| s.region.is_some());
+    let others = reference.data.iter().map(|d| d.number).filter(|n| *n != DATA && !(pointed && *n == REGION));
+    others.filter(|n| data(*n).is_some_and(|(a, b)| a != b)).map(|n| format!("DB {n}")).next()
+}
+
+/// The components of one variable that differ.
+fn compare(name: &str, ty: &DataType, at: BitAddr, (a, b): (&[u8], &[u8]), list: &mut Vec<String>) {
+    let mut all = Vec::new();
+    Layout::components(name, ty, at, &mut all);
+    for c in all {
+        let from = c.at.byte() as usize;
+        if c.ty == DataType::Bool {
+            let bit = |x: &[u8]| x.get(from).map(|byte| byte >> c.at.bit() & 1);
+            if bit(a) != bit(b) {
+                list.push(format!("{} {:?} {:?}", c.path, bit(a), bit(b)));
+            }
+            continue;
+        }
+        let bytes = match c.ty {
+            DataType::String(_) => 2 + usize::from(a.get(from + 1).copied().unwrap_or(0)),
+            _ => Layout::bits(&c.ty).div_ceil(8) as usize,
+        };
+        let (x, y) = (a.get(from..from + bytes).unwrap_or_default(), b.get(from..from + bytes).unwrap_or_default());
+        let real = |x: &[u8]| x.try_into().map(f32::from_be_bytes).unwrap_or(0.0);
+        match c.ty {
+            _ if x == y => {}
+            DataType::Real if real(x).is_nan() && real(y).is_nan() => {}
+            DataType::Real => list.push(format!("{} {} {}", c.path, real(x), real(y))),
+            DataType::String(_) => {
+                list.push(format!("{} {:?} {:?}", c.path, String::from_utf8_lossy(x), String::from_utf8_lossy(y)));
+            }
+            _ => list.push(format!("{} {x:02x?} {y:02x?}", c.path)),
         }
     }
-    None
 }

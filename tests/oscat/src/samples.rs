@@ -3,17 +3,24 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use ob1_ir::{Program, Symbol};
+use ob1_ir::{Op, Program, Symbol};
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{Archive, Choice, CodePage, Notes, Project, Tree, Wanted, translate};
 use ob1_std::standard_blocks;
 use ob1_stl::{Library, Mnemonics, Source, read_symbols};
 
+/// Stands before a source that was compiled with this option of the project.
+pub const OK_FLAG: &str = "{SCL_SetOKFlag := 'y'} ";
+
 /// One release.
 pub struct Release {
     pub name: String,
+    /// `311` of 3.11.
+    pub digits: String,
     /// SCL texts by the block they make; those of other sources.
     pub scl: Vec<(Option<BlockId>, Source)>,
+    /// Further sources of blocks that have one already, by the index of that.
+    pub second: Vec<(usize, Source)>,
     /// The program as Siemens' compiler made it.
     pub reference: Program,
     /// STL of the blocks that have no SCL source.
@@ -79,6 +86,13 @@ fn heads(text: &str) -> Vec<(&'static str, String)> {
     out
 }
 
+/// The number of a release in the name of its archive.
+pub fn digits(path: &Path) -> String {
+    let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let runs = stem.split(|c: char| !c.is_ascii_digit());
+    runs.max_by_key(|run| run.len()).unwrap_or_default().to_owned()
+}
+
 /// The programs of one archive that have SCL sources.
 pub fn read(path: &Path) -> Vec<Release> {
     let Some(archive) = std::fs::read(path).ok().and_then(|bytes| Archive::open(bytes).ok()) else { return Vec::new() };
@@ -88,10 +102,19 @@ pub fn read(path: &Path) -> Vec<Release> {
     for root in tree.roots() {
         let project = Project::read(&tree, &root);
         for choice in project.choices() {
-            out.extend(program(&tree, &project, choice, &format!("{stem}/{}", project.title(choice))));
+            let release = program(&tree, &project, choice, &format!("{stem}/{}", project.title(choice)));
+            out.extend(release.map(|release| Release { digits: digits(path), ..release }));
         }
     }
     out
+}
+
+/// Whether a block was compiled with the option of the OK flag: it clears the bit that it sets at its beginning.
+fn has_ok(program: &Program, id: BlockId) -> bool {
+    let Some(block) = program.blocks.iter().find(|b| b.id == id) else { return false };
+    let ops: Vec<&Op> = block.code.iter().map(|s| &s.op).collect();
+    let [Op::SetRlo, Op::SaveRlo, Op::Assign(ok), ..] = ops.as_slice() else { return false };
+    ops.windows(2).any(|pair| matches!(pair, [Op::ClearRlo, Op::Assign(bit)] if bit == ok))
 }
 
 fn block_id(address: &str) -> Option<BlockId> {
@@ -133,7 +156,7 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
     };
     let translation = translate(&folder, &wanted);
     let by_name: BTreeMap<String, &Symbol> = symbols.iter().map(|s| (s.name.to_uppercase(), s)).collect();
-    let (mut scl, mut taken) = (Vec::new(), BTreeSet::new());
+    let (mut scl, mut second, mut taken) = (Vec::new(), Vec::new(), BTreeMap::new());
     for text in texts.iter().filter(|t| !t.stl) {
         let mut ids = Vec::new();
         for (word, name) in heads(&text.text) {
@@ -141,16 +164,35 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
             let compact: String = address.chars().filter(|c| !c.is_whitespace()).collect();
             ids.push((word, compact));
         }
-        if ids.is_empty() || ids.iter().any(|(_, id)| taken.contains(id)) {
+        let Some((word, first)) = ids.first() else {
+            // A list of sources to compile.
+            continue;
+        };
+        let id = if *word == "TYPE" { None } else { block_id(first) };
+        let option = if id.is_some_and(|id| has_ok(&translation.program, id)) { OK_FLAG } else { "" };
+        let source = Source::new(format!("{}.scl", text.name), format!("{option}{}", text.text).as_bytes());
+        if let Some(at) = ids.iter().find_map(|(_, id)| taken.get(id)) {
+            second.push((*at, source));
             continue;
         }
-        taken.extend(ids.iter().map(|(_, id)| id.clone()));
-        let id = ids.first().filter(|(word, _)| *word != "TYPE").and_then(|(_, id)| block_id(id));
-        scl.push((id, Source::new(format!("{}.scl", text.name), text.text.as_bytes())));
+        taken.extend(ids.iter().map(|(_, id)| (id.clone(), scl.len())));
+        scl.push((id, source));
     }
-    let is_rest =
-        |file: &&ob1_project::ProgramFile| !taken.contains(&file.name.split('.').next().unwrap_or("").replace('_', ""));
+    let is_rest = |file: &&ob1_project::ProgramFile| {
+        !taken.contains_key(&file.name.split('.').next().unwrap_or("").replace('_', ""))
+    };
     let rest =
         translation.sources.iter().filter(is_rest).map(|f| Source::new(f.name.clone(), f.bytes.clone())).collect();
-    Some(Release { name: name.to_owned(), scl, reference: translation.program, rest, symbols, library, replaced })
+    let digits = String::new();
+    Some(Release {
+        name: name.to_owned(),
+        digits,
+        scl,
+        second,
+        reference: translation.program,
+        rest,
+        symbols,
+        library,
+        replaced,
+    })
 }

@@ -47,6 +47,15 @@ fn result(cpu: &mut Cpu) -> u32 {
     cpu.read(Cell::Area(Area::Memory, 800), Width::DWord).expect("it is there")
 }
 
+/// What the block of TIA Portal leaves in MD 100: an FC with these declarations and statements.
+fn tia(declared: &str, statements: &str) -> u32 {
+    let block = format!(
+        "FUNCTION \"work\" : Void\n{{ S7_Optimized_Access := 'TRUE' }}\nVAR_TEMP {declared} END_VAR\nBEGIN\n{statements}\n\
+         END_FUNCTION\n"
+    );
+    result(&mut run(&block, "", "\"work\"();"))
+}
+
 /// Declarations, statements, and what they leave in MD 100.
 fn table(rows: &[(&str, &str, u32)]) {
     for (declared, statements, expected) in rows {
@@ -263,4 +272,175 @@ fn ok_follows_calculations_with_the_option() {
         let mut cpu = run(&block, "r : INT;", "r := FC501(a := 32767); M103.0 := ENO;");
         assert_eq!(result(&mut cpu), expected, "{option}");
     }
+}
+
+#[test]
+fn unsigned_numbers_of_tia_portal() {
+    const UNSIGNED: &str = "a, b : UInt; s : USInt; d, e : UDInt; i : Int; n : DInt; r : Real; x : Bool;";
+    for (statements, expected) in [
+        ("#a := 65535; #b := #a + 2; MW102 := #b;", 1),
+        ("#a := 60000; #n := UINT_TO_DINT(#a / 7); MD100 := DINT_TO_DWORD(#n);", 8571),
+        ("#a := 60000; #n := #a MOD 7; MD100 := DINT_TO_DWORD(#n);", 3),
+        ("#a := 60000; #b := 5; M103.0 := #a > #b;", 1),
+        ("#a := 60000; #i := -1; M103.0 := #a > #i;", 1),
+        ("#d := 16#F000_0000; #e := 1; M103.0 := #d > #e;", 1),
+        ("#d := 16#F000_0000; MD100 := #d + 16#10;", 0xF000_0010),
+        ("#s := 250; #s := #s + 10; MB103 := #s;", 4),
+        ("#a := 40000; #r := #a * 0.5; MD100 := REAL_TO_DWORD(#r);", real(20_000.0)),
+        ("#a := 40000; #b := 3; #a := MAX(IN1 := #a, IN2 := #b); MW102 := #a;", 40_000),
+        ("#d := 0; FOR #a := 1 TO 4 DO #d += #a; END_FOR; MD100 := #d;", 10),
+        ("#d := 0; FOR #a := 40000 TO 40002 DO #d += 1; END_FOR; MD100 := #d;", 3),
+        ("#a := 7; #i := #a; MW102 := #i;", 7),
+        ("#r := 2.6; #a := REAL_TO_UINT(#r); MW102 := #a;", 3),
+    ] {
+        assert_eq!(tia(UNSIGNED, statements), expected, "{statements}");
+    }
+}
+
+#[test]
+fn memory_by_numbers() {
+    for (statements, expected) in [
+        ("#i := 102; POKE(area := 16#83, dbNumber := 0, byteOffset := #i, value := #w);", 0x1234),
+        ("MB50 := 16#77; #i := 50; MB103 := PEEK(area := 16#83, dbNumber := 0, byteOffset := #i);", 0x77),
+        ("MW50 := 16#1234; MW102 := PEEK_WORD(area := 16#83, dbNumber := 0, byteOffset := 50);", 0x1234),
+        ("POKE_BOOL(area := 16#83, dbNumber := 0, byteOffset := 103, bitOffset := #k, value := TRUE);", 8),
+        ("MB50 := 8; M103.0 := PEEK_BOOL(area := 16#83, dbNumber := 0, byteOffset := 50, bitOffset := #k);", 1),
+    ] {
+        let statements = format!("#w := 16#1234; #k := 3; {statements}");
+        assert_eq!(tia("i, k : Int; w : Word;", &statements), expected, "{statements}");
+    }
+}
+
+#[test]
+fn classic_blocks_calculate_with_signed_numbers_only() {
+    let text = "FUNCTION FC1 : VOID VAR w : WORD; END_VAR BEGIN w := w + w; END_FUNCTION\n";
+    let output = ob1_scl::compile(&[Source::new("p.scl", text.as_bytes())], &Library::new(), &Options::default());
+    assert_eq!(output.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["S2202"]);
+}
+
+#[test]
+fn the_ok_flag_of_conversions_and_shifts() {
+    for (declared, statement, ok) in [
+        ("d : DINT; i : INT;", "d := 40000; i := DINT_TO_INT(d);", 0),
+        ("d : DINT; i : INT;", "d := -40; i := DINT_TO_INT(d);", 1),
+        ("i : INT; b : BYTE;", "i := 256; b := INT_TO_BYTE(i);", 0),
+        ("i : INT; b : BYTE;", "i := 255; b := INT_TO_BYTE(i);", 1),
+        ("w : DWORD; b : BYTE;", "w := DW#16#10000; b := DWORD_TO_BYTE(w);", 0),
+        ("w : DWORD; v : WORD;", "w := DW#16#10000; v := DWORD_TO_WORD(w);", 0),
+        ("w : DWORD; v : WORD;", "w := DW#16#FFFF; v := DWORD_TO_WORD(w);", 1),
+        ("w : DWORD; x : BOOL;", "w := DW#16#2; x := DWORD_TO_BOOL(w);", 0),
+        ("d : DINT; t : TOD;", "d := 86400000; t := DINT_TO_TOD(d);", 0),
+        ("d : DINT; t : TOD;", "d := 86399999; t := DINT_TO_TOD(d);", 1),
+        ("d : DINT; t : DATE;", "d := 65536; t := DINT_TO_DATE(d);", 0),
+        ("r : REAL; d : DINT;", "r := 1.0E20; d := REAL_TO_DINT(r);", 0),
+        ("r : REAL; i : INT;", "r := 40000.0; i := REAL_TO_INT(r);", 0),
+        ("r : REAL; i : INT;", "r := -7.5; i := REAL_TO_INT(r);", 1),
+        ("w : WORD; n : INT;", "n := -1; w := SHL(IN := w, N := n);", 0),
+        ("w : DWORD; n : INT;", "n := 40; w := SHR(IN := w, N := n);", 1),
+        ("i : INT;", "i := 32767; i := i + 1;", 0),
+        ("i, k : INT;", "i := 5; k := 0; i := i / k;", 0),
+        ("r : REAL;", "r := -1.0; r := SQRT(r);", 0),
+        ("i : INT;", "i := -32768; i := ABS(i);", 0),
+    ] {
+        let block = format!(
+            "{{SCL_SetOKFlag := 'y'}} FUNCTION FC501 : VOID VAR {declared} END_VAR BEGIN {statement} END_FUNCTION"
+        );
+        let mut cpu = run(&block, "", "FC501(); M103.0 := ENO;");
+        assert_eq!(result(&mut cpu), ok, "{statement}");
+    }
+}
+
+#[test]
+fn real_constants_of_a_product_are_one() {
+    table(&[
+        (
+            "r : REAL;",
+            "r := 3.0; MD100 := REAL_TO_DWORD(r * 0.1 * 0.1);",
+            real(3.0 * (0.1f32 as f64 * 0.1f32 as f64) as f32),
+        ),
+        ("r : REAL;", "r := 7.0; MD100 := REAL_TO_DWORD(1 / r * 1000);", real(1000.0 / 7.0)),
+        ("r : REAL;", "r := -7.0; MD100 := REAL_TO_DWORD(r ** 2);", real(49.0)),
+        ("r : REAL;", "r := -7.0; MD100 := REAL_TO_DWORD(r ** 1);", real(-7.0)),
+        ("r : REAL;", "r := -8.0; r := r ** 3; M103.0 := r = r;", 0),
+    ]);
+}
+
+/// A function of STL that leaves another address in AR2 does not take a function block its instance.
+#[test]
+fn address_register_2_is_kept() {
+    let scl = "FUNCTION_BLOCK FB1 VAR x : INT; END_VAR BEGIN x := 1; FC2(); x := x + 1; MW102 := INT_TO_WORD(x); END_FUNCTION_BLOCK
+        ORGANIZATION_BLOCK OB1 VAR_TEMP i : ARRAY[0..19] OF BYTE; END_VAR BEGIN FB1.DB1(); END_ORGANIZATION_BLOCK\n";
+    let stl = "FUNCTION FC 2 : VOID\nBEGIN\nLAR2 P#500.0;\nEND_FUNCTION\n";
+    let sources = [Source::new("p.scl", scl.as_bytes()), Source::new("p.awl", stl.as_bytes())];
+    let output = ob1_scl::compile(&sources, &Library::new(), &Options::default());
+    assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &sources));
+    let cpu = Cpu::new(CpuConfig::default(), &output.program, Vec::new(), Vec::new(), engine::REFERENCE);
+    let mut cpu = cpu.expect("it loads");
+    cpu.request(Command::Run);
+    cpu.cycle(&mut Still);
+    assert_eq!(result(&mut cpu), 2);
+}
+
+/// Without the IEC library texts are assigned by SFC 20, cut to their length.
+#[test]
+fn texts_without_the_iec_library() {
+    let text = "ORGANIZATION_BLOCK OB1 VAR_TEMP i : ARRAY[0..19] OF BYTE; a : STRING[9]; b : STRING[3]; END_VAR
+        BEGIN a := 'abcdef'; b := a; MB102 := CHAR_TO_BYTE(b[3]); MB103 := 0; END_ORGANIZATION_BLOCK\n";
+    let mut library = Library::new();
+    for block in ob1_std::system_functions() {
+        library.insert(block.id, block.name, block.interface);
+    }
+    let source = Source::new("p.scl", text.as_bytes());
+    let output = ob1_scl::compile(std::slice::from_ref(&source), &library, &Options::default());
+    assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &[source]));
+    let cpu = Cpu::new(CpuConfig::default(), &output.program, system_blocks(), Vec::new(), engine::REFERENCE);
+    let mut cpu = cpu.expect("it loads");
+    cpu.request(Command::Run);
+    cpu.cycle(&mut Still);
+    assert_eq!(result(&mut cpu), 0x6300);
+}
+
+/// A standard function stands before a block of the library with its name, one of the program before both.
+#[test]
+fn whose_function_is_called() {
+    let mut cpu = run("", INTS, "a := 3; b := 5; MW102 := INT_TO_WORD(MAX(IN1 := a, IN2 := b));");
+    assert_eq!(result(&mut cpu), 5, "FC 25 of the library takes and gives ANY");
+    let own = "FUNCTION \"MAX\" : INT VAR_INPUT IN1, IN2 : INT; END_VAR BEGIN \"MAX\" := 77; END_FUNCTION";
+    let mut cpu = run(own, INTS, "MW102 := INT_TO_WORD(MAX(IN1 := 3, IN2 := 5));");
+    assert_eq!(result(&mut cpu), 77);
+}
+
+#[test]
+fn timers_and_counters_as_functions() {
+    let count = "x := TRUE; w := S_CUD(C_NO := C3, CU := x, S := x, PV := W#16#12, CV := v, Q := q);";
+    table(&[
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} MW102 := w;"), 0x12),
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} MW102 := v;"), 12),
+        ("x, q : BOOL; v, w : WORD;", &format!("{count} M103.0 := q;"), 1),
+        ("x : BOOL; w : WORD;", "x := TRUE; w := S_CD(C_NO := C3, S := x, PV := W#16#12, R := x); MW102 := w;", 0),
+        (
+            "x, q : BOOL; w : WORD;",
+            "x := TRUE; S_PULSE(T_NO := T5, S := x, TV := S5T#2s, BI := w, Q := q); MW102 := w;",
+            200,
+        ),
+        (
+            "x, q : BOOL; t : S5TIME;",
+            "x := TRUE; t := S_ODT(T_NO := T5, S := x, TV := S5T#2s, Q := q); M103.0 := q OR t = S5T#0s;",
+            0,
+        ),
+    ]);
+}
+
+/// What `ob1 new station --language scl` writes.
+#[test]
+fn the_program_of_a_new_station_compiles() {
+    let symbols = include_str!("../../../runtime/ob1/src/new/station/symbols.sdf.in");
+    let symbols = ob1_stl::read_symbols(&Source::new("symbols.sdf", symbols.as_bytes())).symbols;
+    let text = include_str!("../../../runtime/ob1/src/new/station/main.scl.in");
+    let source = Source::new("main.scl", text.as_bytes());
+    let options = Options { symbols, lints: true, ..Options::default() };
+    let output = ob1_scl::compile(std::slice::from_ref(&source), &Library::new(), &options);
+    assert_eq!(ob1_stl::render_all(&output.diagnostics, &[source]), "");
+    let lines: std::collections::BTreeSet<u32> = output.program.blocks[0].code.iter().map(|s| s.line).collect();
+    assert!([10, 11, 13, 17, 20, 21, 23].iter().all(|line| lines.contains(line)), "{lines:?}");
 }

@@ -15,6 +15,7 @@ pub mod modbus32;
 pub mod project;
 pub mod rk512;
 pub mod s7;
+pub mod scl;
 pub mod serial;
 pub mod station;
 pub mod stl;
@@ -38,6 +39,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("project", project::run),
     ("rk512", rk512::run),
     ("s7", s7::run),
+    ("scl", scl::run),
     ("serial", serial::run),
     ("station", station::run),
     ("stl", stl::run),

@@ -28,7 +28,7 @@ const NO_SDK: &str = "N004";
 /// without - in front.
 #[derive(Clone, Debug, Args)]
 #[command(
-    after_help = "Examples:\n  ob1 new station press\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
+    after_help = "Examples:\n  ob1 new station press\n  ob1 new station press --language scl\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
     ob1 new plugin batch\n  ob1 new plugin batch --language rust\n\n\
     Errors:\n  N001  the name is not valid for a station or plugin\n  N002  the folder exists already\n  \
     N003  the system refuses to write there\n  N004  ob1-sdk cannot be found\n\n\
@@ -41,10 +41,13 @@ pub struct NewArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum What {
-    /// A station: its file, an STL program with symbols, and tests
+    /// A station: its file, a program in STL or SCL with symbols, and tests
     Station {
         /// The folder to write; its last part is the station's name
         name: PathBuf,
+        /// What the program is written in
+        #[arg(long, value_enum, default_value_t = Program::Stl)]
+        language: Program,
     },
     /// A plugin: a block in C or Rust, and a station that calls it
     Plugin {
@@ -57,6 +60,15 @@ enum What {
         #[arg(long, value_name = "DIR")]
         sdk: Option<PathBuf>,
     },
+}
+
+/// The language of a station's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Program {
+    /// Statement list
+    Stl,
+    /// Structured text
+    Scl,
 }
 
 /// The language of a plugin.
@@ -86,9 +98,9 @@ impl Refusal {
 #[must_use]
 pub fn new(args: &NewArgs) -> Exit {
     let written = match &args.what {
-        What::Station { name } => {
+        What::Station { name, language } => {
             let isolated = ob1_rt::isolated_cores();
-            let files = |name: &str| Ok(station::files(name, &isolated));
+            let files = |name: &str| Ok(station::files(name, *language, &isolated));
             write(name, "station", files, station::NEXT)
                 .map(|text| format!("{text}{}\n", posture::best(&isolated, "station.toml")))
         }
@@ -178,7 +190,8 @@ mod tests {
     fn every_word_of_a_template_is_filled() {
         assert_eq!(fill("ob1@@NAME@ @A@", &[("NAME", "press"), ("A", "b")]), "ob1@press b");
         let sdk = std::env::temp_dir();
-        let mut all = station::files("press", &[]);
+        let mut all = station::files("press", Program::Stl, &[]);
+        all.extend(station::files("press", Program::Scl, &[]));
         for language in [Language::C, Language::Rust] {
             all.extend(plugin::unchecked("press", language, &sdk));
         }

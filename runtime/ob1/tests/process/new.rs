@@ -65,10 +65,45 @@ fn a_new_station_runs() {
     // Its sources do not need the station.
     let exec = ob1(&press, &["exec", "main.awl", "--symbols", "symbols.sdf", "--limit", "1s"]);
     assert_eq!(exec.status.code(), Some(3), "{}", said(&exec));
+    // The same machine in SCL, with the same tests.
+    good(&ob1(base.path(), &["new", "station", "mill", "--language", "scl"]));
+    it_runs(&base.path().join("mill"), "2");
     // Where systemd would look for it.
     good(&ob1(base.path(), &["new", "station", "etc/ob1/line-7"]));
     let station = std::fs::read_to_string(base.path().join("etc/ob1/line-7/station.toml")).expect("written");
     assert!(station.contains("name = \"line-7\""), "{station}");
+}
+
+/// Program status and breakpoints of a program in SCL show its lines.
+#[test]
+fn a_program_in_scl_is_watched_by_its_lines() {
+    let base = tempfile::tempdir().expect("a directory");
+    good(&ob1(base.path(), &["new", "station", "mill", "--language", "scl"]));
+    let start = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ob1"));
+        command.args(args).current_dir(base.path()).env("XDG_RUNTIME_DIR", base.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it starts")
+    };
+    let mut station = start(&["run", "mill/station.toml", "--quiet"]);
+    let status = || ob1(base.path(), &["status", "mill", "OB", "1", "--once"]);
+    let began = std::time::Instant::now();
+    let mut shown = status();
+    while !shown.status.success() && began.elapsed().as_secs() < 30 {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        shown = status();
+    }
+    let shown = good(&shown);
+    let row = |line: &str| shown.lines().find(|row| row.trim_start().starts_with(line)).unwrap_or_default();
+    assert!(row("10 ").contains("IF NOT \"Stop\" OR NOT \"Ready\" THEN"), "{shown}");
+    assert!(row("17 ").contains("\"Lamp\" := ") && !row("17 ").ends_with(" -"), "{shown}");
+    assert!(row("13 ").ends_with(" -"), "this line is jumped over: {shown}");
+    let mut debug = start(&["debug", "mill", "--break", "OB 1:17"]);
+    std::io::Write::write_all(debug.stdin.as_mut().expect("a pipe"), b"wait\nquit\n").expect("it reads");
+    let said = debug.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(said.contains("main.scl:17, "), "{said}");
+    station.kill().expect("it runs");
+    station.wait().expect("it ends");
 }
 
 /// A user without rights: the same station, told once at its making and once at each start what is missing.

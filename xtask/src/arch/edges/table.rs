@@ -378,7 +378,18 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-oscat",
         "tools",
-        &["fastrand", "ob1-cpu", "ob1-ir", "ob1-model", "ob1-project", "ob1-scl", "ob1-std", "ob1-stl", "ob1-time"],
+        &[
+            "fastrand",
+            "ob1-cpu",
+            "ob1-ir",
+            "ob1-model",
+            "ob1-native",
+            "ob1-project",
+            "ob1-scl",
+            "ob1-std",
+            "ob1-stl",
+            "ob1-time",
+        ],
     ),
     row("xtask", "tools", &["fastrand", "pulldown-cmark", "serde_json"]),
 ];
