@@ -1,7 +1,8 @@
 //! Why a bit has its value, or a block is not called: from the question to a pass through the block that decides, and
 //! from that pass to its statements.
 
-use std::collections::BTreeSet;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
 
 use ob1_ir::why::{Observed, Skipped, Term};
@@ -348,7 +349,8 @@ pub fn status<P: Deref<Target = Program>>(
     if pass.end == PassEnd::NotCalled {
         return Ok(told);
     }
-    let disturbs = |call: &Call, test: &BitTest| disturbs(known.all, call, test);
+    let memory = RefCell::default();
+    let disturbs = |call: &Call, test: &BitTest| disturbs(known.all, &mut memory.borrow_mut(), call, test);
     let code = block.code.get(question.first..).unwrap_or_default();
     let observed = Observed { code, lines: &pass.lines, disturbs: &disturbs };
     let caller = pass.caller.and_then(|(id, at)| Some((id, find_block(program, id)?.code.get(at as usize)?.line)));
@@ -364,14 +366,31 @@ fn named(operand: &str, symbol: Option<&str>, set: Mnemonics) -> String {
     format!("{}{symbol}", ob1_stl::in_set(operand, set))
 }
 
+/// What has been found out for a question: a block may call hundreds of others.
+#[derive(Default)]
+struct Memory {
+    reached: BTreeMap<BlockId, BTreeSet<BlockId>>,
+    writers: Vec<(BitTest, BTreeSet<BlockId>)>,
+}
+
 /// Whether what a call leads to writes what is scanned.
-fn disturbs<P: Deref<Target = Program>>(all: &CrossReference<P>, call: &Call, test: &BitTest) -> bool {
+fn disturbs<P: Deref<Target = Program>>(
+    all: &CrossReference<P>,
+    memory: &mut Memory,
+    call: &Call,
+    test: &BitTest,
+) -> bool {
     let (Target::Block(id) | Target::Local(id, _)) = call.target else { return true };
-    let reached = all.reached_from(id);
+    let reached = memory.reached.entry(id).or_insert_with(|| all.reached_from(id));
     // A block's own parameters are its caller's operands, which this call may get as well.
     let hidden = matches!(test, BitTest::Bit(Place::Param { .. } | Place::Memory(..) | Place::Register(..)));
-    let writers: BTreeSet<BlockId> = all.writers(test).into_iter().map(|reference| reference.block).collect();
-    hidden || writers.iter().any(|block| reached.contains(block))
+    let at = memory.writers.iter().position(|(of, _)| of == test).unwrap_or_else(|| {
+        let writers = all.writers(test).into_iter().map(|reference| reference.block).collect();
+        memory.writers.push((*test, writers));
+        memory.writers.len() - 1
+    });
+    let writes = |(_, writers): &(BitTest, BTreeSet<BlockId>)| writers.iter().any(|block| reached.contains(block));
+    hidden || memory.writers.get(at).is_some_and(writes)
 }
 
 /// A block that was watched.

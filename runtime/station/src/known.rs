@@ -76,6 +76,8 @@ pub struct KnownProgram {
     pub sums: [u32; 2],
     /// See [`KnownProgram::cross_reference`].
     pub(crate) cross_reference: OnceLock<CrossReference<Arc<Program>>>,
+    /// The document of its sources, made when it is asked for first.
+    pub(crate) sources: OnceLock<String>,
 }
 
 impl KnownProgram {
@@ -93,6 +95,7 @@ impl KnownProgram {
             images: BTreeMap::new(),
             not_kept: None,
             cross_reference: OnceLock::new(),
+            sources: OnceLock::new(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use ob1_access::Names;
@@ -55,7 +55,7 @@ pub(super) struct Insight {
     /// Symbols by address, in the set.
     symbols: BTreeMap<String, String>,
     /// The networks of the block that was asked for last.
-    networks: RefCell<Option<(BlockId, Arc<Vec<Drawable>>)>>,
+    networks: Mutex<Option<(BlockId, Arc<Vec<Drawable>>)>>,
 }
 
 /// The newest one, with the document it was made of.
@@ -100,7 +100,7 @@ impl Insight {
             all: CrossReference::new(Arc::new(program), &library),
             texts: sources.blocks,
             library,
-            networks: RefCell::default(),
+            networks: Mutex::default(),
         })
     }
 
@@ -126,7 +126,7 @@ impl Insight {
 
     /// The networks of a block, the empty ones too.
     pub(super) fn networks(&self, block: &CodeBlock) -> Arc<Vec<Drawable>> {
-        if let Some((id, networks)) = &*self.networks.borrow()
+        if let Some((id, networks)) = &*self.networks.lock().unwrap_or_else(PoisonError::into_inner)
             && *id == block.id
         {
             return Arc::clone(networks);
@@ -143,7 +143,7 @@ impl Insight {
             (network, tree)
         };
         let networks = Arc::new(view.networks(block).into_iter().map(drawable).collect::<Vec<_>>());
-        *self.networks.borrow_mut() = Some((block.id, Arc::clone(&networks)));
+        *self.networks.lock().unwrap_or_else(PoisonError::into_inner) = Some((block.id, Arc::clone(&networks)));
         networks
     }
 

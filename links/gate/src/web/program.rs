@@ -116,9 +116,11 @@ pub(super) async fn xref(page: &Page, asked: &str) -> Reply {
         Err(why) => return trouble(&why),
     };
     let wanted = query(asked, "operand").unwrap_or_default();
-    match references(&insight, &wanted) {
-        Ok(found) => send(&found),
-        Err(unknown) => plain(StatusCode::NOT_FOUND, format!("{unknown}. {}", unknown.remedy)),
+    // In a large program it takes a while.
+    match tokio::task::spawn_blocking(move || references(&insight, &wanted)).await {
+        Ok(Ok(found)) => send(&found),
+        Ok(Err(unknown)) => plain(StatusCode::NOT_FOUND, format!("{unknown}. {}", unknown.remedy)),
+        Err(error) => plain(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
 

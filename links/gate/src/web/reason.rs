@@ -1,5 +1,7 @@
 //! Why a bit is on or off, or a block is not called.
 
+use std::sync::Arc;
+
 use hyper::StatusCode;
 use ob1_access::why::{Inside, WhyStatus, WhyWanted, order, status};
 use serde_json::{Map, Value};
@@ -12,7 +14,7 @@ use crate::http::{Reply, plain, query};
 
 /// How long a pass is waited for, in milliseconds.
 const WAIT: u64 = 2000;
-/// Blocks that are asked about one after the other.
+/// Blocks that are asked about one after the other: of others that write the bit nothing is known.
 const BLOCKS: usize = 8;
 
 impl Page {
@@ -37,7 +39,8 @@ impl Page {
         let mut best: Option<WhyStatus> = None;
         for block in 0..BLOCKS {
             let wanted = WhyWanted { operand: name.clone(), now, inside: inside.clone(), block, wait_ms: WAIT };
-            let (question, order) = match insight.known(|known| order(known, &wanted)) {
+            let asked = at_work(&insight, move |insight| insight.known(|known| order(known, &wanted))).await;
+            let (question, order) = match asked {
                 Ok(asked) => asked,
                 Err(why) => return plain(StatusCode::NOT_FOUND, why),
             };
@@ -48,11 +51,14 @@ impl Page {
                     Err(why) => return trouble(&why),
                 },
             };
-            let answer = match insight.known(|known| status(known, &question, pass.as_ref())) {
+            let answer =
+                at_work(&insight, move |insight| insight.known(|known| status(known, &question, pass.as_ref()))).await;
+            let mut answer = match answer {
                 Ok(answer) => answer,
                 Err(why) => return plain(StatusCode::CONFLICT, why),
             };
             let is_last = block + 1 >= answer.blocks.len();
+            answer.is_open |= answer.blocks.len() > BLOCKS;
             if best.as_ref().is_none_or(|best| answer.rank(now) >= best.rank(now)) {
                 best = Some(answer);
             }
@@ -72,6 +78,15 @@ impl Page {
         let Ok(reading) = self.station.read(vec![piece]).await else { return false };
         reading.piece(0).ok().and_then(|bytes| typed.value(bytes)).is_some_and(|value| value.json() == true)
     }
+}
+
+/// Does something that may take a while beside the tasks of this process, which must give signs of life.
+async fn at_work<T: Send + 'static>(
+    insight: &Arc<Insight>,
+    work: impl FnOnce(&Insight) -> Result<T, String> + Send + 'static,
+) -> Result<T, String> {
+    let insight = Arc::clone(insight);
+    tokio::task::spawn_blocking(move || work(&insight)).await.map_err(|error| error.to_string())?
 }
 
 /// What the table of symbols says of those that a text names.

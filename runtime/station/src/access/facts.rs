@@ -164,8 +164,14 @@ fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
 }
 
 impl StationFacts {
-    fn sources(&self) -> Read {
+    /// As JSON; made once for a program, because a large one takes a while.
+    fn sources(&self) -> String {
         let known = self.view.known.get();
+        let made = || serde_json::to_string(&self.read(&known)).unwrap_or_default();
+        known.sources.get_or_init(made).clone()
+    }
+
+    fn read(&self, known: &KnownProgram) -> Read {
         let started = self.view.unix_at(Instant::START);
         let read = |file: &str| pass::source(file, started);
         // Of the library only what the program calls: names and parameters.
@@ -266,7 +272,7 @@ impl Facts for StationFacts {
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
         let text = match which {
             Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),
-            Document::Sources => json(&self.sources()),
+            Document::Sources => Ok(Some(self.sources())),
             Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
