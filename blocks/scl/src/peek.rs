@@ -12,7 +12,8 @@ use crate::tree::{Base, Check, Kind, Side, Typed, Var};
 use crate::types::{BLOCK_DB, BOOL, BYTE, DINT, DWORD, WORD, is_bits};
 
 impl<'c> Checker<'c> {
-    /// `PEEK(area, dbNumber, byteOffset)`, `PEEK_WORD`, `PEEK_DWORD`, `PEEK_BOOL` with `bitOffset`. `None`: another name.
+    /// `PEEK(area, dbNumber, byteOffset)`, `PEEK_WORD`, `PEEK_DWORD`, `PEEK_BOOL` with `bitOffset`. The outer `None`:
+    /// another name.
     pub(crate) fn peek(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
         let ty = match name {
             "PEEK" | "PEEK_BYTE" => &BYTE,

@@ -365,8 +365,7 @@ impl<'a> Lexer<'a> {
 
     fn starts_line(&self) -> bool {
         // Compiler options stand before the first word of a block.
-        let before = self.tokens.iter().rev().find(|t| t.kind != Kind::Attributes);
-        before.is_none_or(|t| t.kind == Kind::Newline)
+        self.tokens.iter().rev().find(|t| t.kind != Kind::Attributes).is_none_or(|t| t.kind == Kind::Newline)
     }
 
     /// A title begins a line, or follows the name of its block or network.
@@ -381,8 +380,7 @@ impl<'a> Lexer<'a> {
 
     /// The rest of a line of a block's head after its colon: any text, up to a comment.
     fn head_text(&mut self) -> Option<usize> {
-        let tokens = self.tokens.as_slice();
-        let [.., before, word, colon] = tokens else { return None };
+        let [.., before, word, colon] = self.tokens.as_slice() else { return None };
         let line = before.kind == Kind::Newline && colon.kind == Kind::Colon && self.in_head;
         let text = self.text.get(word.span.start as usize..word.span.end as usize).unwrap_or("");
         if !line || !HEADER_LINES.iter().any(|w| w.eq_ignore_ascii_case(text)) {

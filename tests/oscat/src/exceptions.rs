@@ -35,9 +35,12 @@ impl Exceptions {
         self.0.iter().position(is)
     }
 
-    /// Whether this source does not compile in this release.
-    pub fn source(&self, name: &str, release: &str) -> bool {
-        self.find(name, release, true).is_some()
+    /// Whether this source may not compile in a program of this release; `seen`: it does not.
+    pub fn source(&mut self, name: &str, release: &str, seen: bool) -> bool {
+        let Some(row) = self.find(name, release, true).and_then(|at| self.0.get_mut(at)) else { return false };
+        row.looked = true;
+        row.seen |= seen;
+        true
     }
 
     /// Why a block differs in a release, if it does.
