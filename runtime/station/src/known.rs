@@ -1,6 +1,7 @@
 //! A program as others see it: names, places, blocks, what differs from the sources.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 
 use ob1_access::Names;
@@ -78,6 +79,8 @@ pub struct KnownProgram {
     pub(crate) cross_reference: OnceLock<CrossReference<Arc<Program>>>,
     /// The document of its sources, made when it is asked for first.
     pub(crate) sources: OnceLock<String>,
+    /// That is under way.
+    pub(crate) is_read: AtomicBool,
 }
 
 impl KnownProgram {
@@ -96,6 +99,7 @@ impl KnownProgram {
             not_kept: None,
             cross_reference: OnceLock::new(),
             sources: OnceLock::new(),
+            is_read: AtomicBool::new(false),
         }
     }
 

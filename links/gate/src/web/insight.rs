@@ -19,6 +19,9 @@ use serde::Deserialize;
 /// How old this may be: it changes with a download only.
 const AGE: Duration = Duration::from_secs(60);
 
+/// Between two questions for what the station is still making.
+const MAKING: Duration = Duration::from_millis(200);
+
 /// A line: its number in the file (0 without one), its network, its text, the symbols of its operands.
 pub(super) type Line = (u32, u16, String, Vec<String>);
 
@@ -67,7 +70,16 @@ type Made = (Arc<[u8]>, Arc<Insight>);
 impl Newest {
     /// The program that runs, as far as is known.
     pub(super) async fn get(&self, station: &Station) -> Result<Arc<Insight>, Trouble> {
-        let sources = station.document(Document::Sources, AGE).await?;
+        let mut sources = station.document(Document::Sources, AGE).await?;
+        // The station makes it when it is asked for first.
+        let begun = tokio::time::Instant::now();
+        while sources.is_empty() {
+            if begun.elapsed() > AGE {
+                return Err(Trouble::Program("the station is still reading its sources".into()));
+            }
+            tokio::time::sleep(MAKING).await;
+            sources = station.document(Document::Sources, MAKING / 2).await?;
+        }
         if let Some((of, insight)) = &*self.0.borrow()
             && Arc::ptr_eq(of, &sources)
         {

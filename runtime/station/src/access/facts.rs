@@ -7,6 +7,7 @@ use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ob1_access::audit;
 use ob1_access::door::{Addresses, BlockFact, Diagnosis, Document, State};
@@ -164,15 +165,27 @@ fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
 }
 
 impl StationFacts {
-    /// As JSON; made once for a program, because a large one takes a while.
+    /// As JSON; empty while it is being made: a large program takes a while, and the broker waits for nothing.
     fn sources(&self) -> String {
         let known = self.view.known.get();
-        let made = || serde_json::to_string(&self.read(&known)).unwrap_or_default();
-        known.sources.get_or_init(made).clone()
-    }
-
-    fn read(&self, known: &KnownProgram) -> Read {
+        if let Some(text) = known.sources.get() {
+            return text.clone();
+        }
         let started = self.view.unix_at(Instant::START);
+        if !known.is_read.swap(true, Ordering::Relaxed) {
+            let of = Arc::clone(&known);
+            let make = move || drop(of.sources.set(serde_json::to_string(&Read::of(&of, started)).unwrap_or_default()));
+            if std::thread::Builder::new().name("sources".into()).spawn(make).is_err() {
+                // Asked for again, it is tried again.
+                known.is_read.store(false, Ordering::Relaxed);
+            }
+        }
+        String::new()
+    }
+}
+
+impl Read {
+    fn of(known: &KnownProgram, started: u64) -> Self {
         let read = |file: &str| pass::source(file, started);
         // Of the library only what the program calls: names and parameters.
         let called: BTreeSet<BlockId> = known.program.blocks.iter().flat_map(callees).collect();
@@ -182,7 +195,7 @@ impl StationFacts {
             Some(CodeBlock { id, name, interface, code: Vec::new(), source: 0 })
         };
         let library = Program { blocks: called.into_iter().filter_map(head).collect(), ..Program::default() };
-        Read {
+        Self {
             view: source_view::view(known.cross_reference(), &known.library, &read, None),
             sum: known.sums[1],
             library: ob1_ir::write(&library),
