@@ -18,6 +18,8 @@ const TELLING: usize = 12;
 /// More comparisons of networks than this are not made: STEP 7 has at most 999 networks in a block.
 const LARGEST: usize = 4_000_000;
 
+const NO_SUCH_BLOCK: &str = "the old project has no such block: it has no names";
+
 /// What an old project says about the blocks of a CPU.
 #[derive(Clone, Debug, Default)]
 pub struct OldNames {
@@ -46,7 +48,7 @@ impl Folder {
             match moved.as_slice() {
                 [one] => drop(sources.insert(*id, (*one, true))),
                 _ if old.blocks.contains_key(id) => drop(sources.insert(*id, (*id, false))),
-                _ => out.notes.push(Note::warning(id.to_string(), "the old project has no such block: it has no names")),
+                _ => out.notes.push(Note::warning(id.to_string(), NO_SUCH_BLOCK)),
             }
         }
         for (id, (from, is_same)) in sources {

@@ -128,7 +128,10 @@ fn a_changed_block_keeps_the_names_of_what_is_as_it_was() {
     let titles: Vec<&str> = networks.iter().map(|network| network.title.as_str()).collect();
     assert_eq!(titles, ["", "first", "", "second", "third"], "the last in the place of the one that changed");
     let text = source(&here, "FC_7.awl");
-    assert!(text.contains("  level : WORD ;") && text.contains("  IN1 : BOOL ;") && text.contains("JCN out;"), "{text}");
+    assert!(
+        text.contains("  level : WORD ;") && text.contains("  IN1 : BOOL ;") && text.contains("JCN out;"),
+        "{text}"
+    );
     // Another block of that number.
     let other = block(BlockKind::Fc, 7, &[0x01, 0x02], &[network(100), network(101)]);
     let (here, names) = laid(&folder(vec![other]), &folder(vec![old_function(7)]));

@@ -22,13 +22,13 @@ impl<'c> Checker<'c> {
             "PEEK_BOOL" => {
                 let [area, db, byte, bit] =
                     self.values(name, ["area", "dbNumber", "byteOffset", "bitOffset"], args, span)?;
-                let var = self.memory(area, db, byte, Some(bit));
+                let var = self.memory(&area, db, byte, Some(bit));
                 return Some(var.map(|var| Typed::new(Kind::Var(var), &BOOL, span)));
             }
             _ => return None,
         };
         let [area, db, byte] = self.values(name, ["area", "dbNumber", "byteOffset"], args, span)?;
-        Some(self.memory(area, db, byte, None).map(|var| Typed::new(Kind::Var(var), ty, span)))
+        Some(self.memory(&area, db, byte, None).map(|var| Typed::new(Kind::Var(var), ty, span)))
     }
 
     /// `POKE(area, dbNumber, byteOffset, value)`, `POKE_BOOL` with `bitOffset`: where it writes, and what. The outer
@@ -38,7 +38,7 @@ impl<'c> Checker<'c> {
             let names = ["area", "dbNumber", "byteOffset", "bitOffset", "value"];
             let [area, db, byte, bit, value] = self.values("POKE_BOOL", names, args, span)?;
             let value = if value.is_bad() { None } else { self.coerced(value, &BOOL) };
-            (self.memory(area, db, byte, Some(bit)), value)
+            (self.memory(&area, db, byte, Some(bit)), value)
         } else if name.eq_ignore_ascii_case("POKE") {
             let names = ["area", "dbNumber", "byteOffset", "value"];
             let [area, db, byte, value] = self.values("POKE", names, args, span)?;
@@ -48,14 +48,14 @@ impl<'c> Checker<'c> {
                 _ if is_bits(value.ty) => Some(value),
                 _ => self.wrong("POKE", &value, "a BYTE, WORD or DWORD"),
             };
-            (self.memory(area, db, byte, None), value)
+            (self.memory(&area, db, byte, None), value)
         } else {
             return None;
         };
         Some(place.zip(value))
     }
 
-    fn memory(&mut self, area: Typed<'c>, db: Typed<'c>, byte: Typed<'c>, bit: Option<Typed<'c>>) -> Option<Var<'c>> {
+    fn memory(&mut self, area: &Typed<'c>, db: Typed<'c>, byte: Typed<'c>, bit: Option<Typed<'c>>) -> Option<Var<'c>> {
         let known = match &area.kind {
             Kind::Flexible(constant) => Self::whole(constant),
             _ => None,

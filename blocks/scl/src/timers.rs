@@ -32,7 +32,7 @@ impl<'c> Checker<'c> {
     fn timer(&mut self, name: &str, kind: TimerKind, args: &[Arg], span: Span) -> Option<Typed<'c>> {
         let [number, start, time, reset, rest, state] =
             self.named_values(name, ["T_NO", "S", "TV", "R", "BI", "Q"], args, span)?;
-        let number = self.number_of(name, number, &TIMER, span)?;
+        let number = self.number_of(name, number.as_ref(), &TIMER, span)?;
         let time = match time {
             Some(time) => self.coerced(time, &S5TIME)?,
             None => Typed::new(Kind::Constant(0), &S5TIME, span),
@@ -54,7 +54,7 @@ impl<'c> Checker<'c> {
     fn counter(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Typed<'c>> {
         let names = ["C_NO", "CU", "CD", "S", "PV", "R", "CV", "Q"];
         let [number, up, down, set, value, reset, count, state] = self.named_values(name, names, args, span)?;
-        let number = self.number_of(name, number, &COUNTER, span)?;
+        let number = self.number_of(name, number.as_ref(), &COUNTER, span)?;
         let value = match value {
             Some(value) => self.coerced(value, &WORD)?,
             None => Typed::new(Kind::Constant(0), &WORD, span),
@@ -104,8 +104,8 @@ impl<'c> Checker<'c> {
         Some(out)
     }
 
-    fn number_of(&mut self, name: &str, value: Option<Typed<'c>>, ty: &DataType, span: Span) -> Option<Number> {
-        match value.as_ref().map(|v| &v.kind) {
+    fn number_of(&mut self, name: &str, value: Option<&Typed<'c>>, ty: &DataType, span: Span) -> Option<Number> {
+        match value.map(|v| &v.kind) {
             Some(Kind::Timer(number)) if *ty == TIMER => return Some(*number),
             Some(Kind::Counter(number)) if *ty == COUNTER => return Some(*number),
             Some(Kind::Flexible(constant)) => {

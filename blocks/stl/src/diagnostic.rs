@@ -198,12 +198,9 @@ impl Sink {
     }
 
     /// A comment reaches to the end of a source: that nothing behind it is there follows from it.
-    pub(crate) fn open_comment(&mut self, file: usize) {
+    pub(crate) fn open_comment(&mut self, file: usize, span: Span, close: &str) {
         self.open_comments.insert(file);
-    }
-
-    pub(crate) fn has_open_comment(&self, file: usize) -> bool {
-        self.open_comments.contains(&file)
+        self.report(file, span, &codes::NOT_CLOSED, format!("the comment is not closed with {close}"));
     }
 
     /// A finding with the remedy of its table row.
@@ -314,6 +311,9 @@ impl Sink {
             self.raw.push(first);
         }
         let foreign = std::mem::take(&mut self.foreign);
+        let follows =
+            |r: &Raw| std::ptr::eq(r.code, &raw const codes::MISSING_END) && self.open_comments.contains(&r.file);
+        self.raw.retain(|r| !follows(r));
         self.raw.retain(|r| !foreign.contains(&r.file) || std::ptr::eq(r.code, &raw const codes::OTHER_LANGUAGE));
         self.raw.sort_by_key(|r| (r.file, r.span.start));
     }

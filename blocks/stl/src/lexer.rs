@@ -241,8 +241,7 @@ impl<'a> Lexer<'a> {
         };
         if length.is_none() {
             let span = Span { start: start as u32, end: (start + open.len()) as u32 };
-            self.sink.open_comment(self.file);
-            self.sink.report(self.file, span, &codes::NOT_CLOSED, format!("the comment is not closed with {close}"));
+            self.sink.open_comment(self.file, span, close);
         }
         let length = length.unwrap_or(text.len());
         let lines = text.get(..length).unwrap_or("").matches('\n').count() as u32;

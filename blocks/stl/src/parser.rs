@@ -391,15 +391,14 @@ impl<'s> Parser<'_, 's> {
     /// Reports a line that does not belong in a head: its colon is missing, or its word is misspelt or unknown.
     fn unknown_head_word(&mut self, block: &mut Block, token: Token, word: &str) {
         let text: String = self.text(token).chars().take(32).collect();
-        if HEADER_LINES.contains(&word) {
-            let remedy = format!("Write {text} : and its text.");
-            let message = format!("a colon is missing after {text}");
+        let missing = match word {
+            "TITLE" => Some(("=", "=")),
+            _ => HEADER_LINES.contains(&word).then_some((":", "a colon")),
+        };
+        if let Some((sign, said)) = missing {
+            let message = format!("{said} is missing after {text}");
+            let remedy = format!("Write {text} {sign} and its text.");
             self.sink.report_with(self.index, token.span, &codes::HEAD, message, remedy);
-            return self.skip_line();
-        }
-        if word == "TITLE" {
-            let remedy = "Write TITLE = and its text.";
-            self.sink.report_with(self.index, token.span, &codes::HEAD, "= is missing after TITLE", remedy);
             return self.skip_line();
         }
         // Declarations are read, so that their names are known.
@@ -567,9 +566,6 @@ impl<'s> Parser<'_, 's> {
                     block.statements.extend(statement);
                 }
             }
-        }
-        if self.sink.has_open_comment(self.index) {
-            return;
         }
         let remedy = format!("Write {end} after the block's last line.");
         self.sink.report_with(self.index, head, &codes::MISSING_END, format!("{end} is missing"), remedy);

@@ -161,7 +161,9 @@ pub(crate) fn code(refusal: Refusal) -> ItemCode {
         Refusal::Cell(CellError::Outside | CellError::NoTimer) => ItemCode::ADDRESS,
         Refusal::Cell(CellError::NoDb | CellError::NoEntry) | Refusal::NotThere => ItemCode::NO_OBJECT,
         Refusal::Cell(CellError::Value) => NO_VALUE,
-        Refusal::Cell(CellError::ReadOnly | CellError::OutputsOff) | Refusal::Right | Refusal::Password => ItemCode::NOT_ALLOWED,
+        Refusal::Cell(CellError::ReadOnly | CellError::OutputsOff) | Refusal::Right | Refusal::Password => {
+            ItemCode::NOT_ALLOWED
+        }
         Refusal::InRun | Refusal::Block | Refusal::Room | Refusal::Watched => ItemCode::NOT_ALLOWED,
         Refusal::Cell(CellError::NoModule) | Refusal::Full | Refusal::Silent => ItemCode::HARDWARE,
     }

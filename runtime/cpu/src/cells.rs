@@ -50,13 +50,11 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: Width, value: u32) -> Result
             Some(_) if value > u32::from(Counter::MAX) => Err(CellError::Value),
             Some(_) => Ok(()),
         },
-        Cell::Peripheral(at) if width != Width::Bit => {
-            match m.has_outputs(at / 8, u32::from(width.bits() / 8)) {
-                false => Err(CellError::NoModule),
-                true if m.outputs_disabled => Err(CellError::OutputsOff),
-                true => Ok(()),
-            }
-        }
+        Cell::Peripheral(at) if width != Width::Bit => match m.has_outputs(at / 8, u32::from(width.bits() / 8)) {
+            false => Err(CellError::NoModule),
+            true if m.outputs_disabled => Err(CellError::OutputsOff),
+            true => Ok(()),
+        },
         Cell::Timer(n) if width == Width::Word => {
             m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             S5Time(value as u16).digits().map(|_| ()).ok_or(CellError::Value)

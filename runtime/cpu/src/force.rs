@@ -139,8 +139,8 @@ impl Machine {
         }
     }
 
-    /// In STOP forced outputs have their values only where the peripheral outputs are enabled. (Programming with STEP 7,
-    /// 20.8.3)
+    /// In STOP forced outputs have their values only where the peripheral outputs are enabled. (Programming with STEP
+    /// 7, 20.8.3)
     pub(crate) fn drive_in_stop(&mut self) {
         if self.outputs_disabled {
             return;

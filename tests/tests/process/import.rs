@@ -153,7 +153,7 @@ fn blocks_out_of_a_cpu_have_the_names_of_the_old_project() {
     }
     let import = |out: &str, more: &[&str]| {
         let folder = site.path(out).display().to_string();
-        site.ob1(&[&["import", &more[0], "--out", &folder][..], &more[1..]].concat());
+        site.ob1(&[&["import", more[0], "--out", &folder][..], &more[1..]].concat());
         // An upload has no symbols.
         let read = |name: &str| fs::read_to_string(site.path(out).join(name)).unwrap_or_default();
         (read("blocks/OB_1.awl"), read("blocks/DB_1.awl"), read("symbols.sdf"), read("report.txt"))
@@ -167,7 +167,11 @@ fn blocks_out_of_a_cpu_have_the_names_of_the_old_project() {
     assert_eq!(named.2, moved, "a symbol goes where its block has gone");
     assert!(named.3.contains("FC 5: it is the same as FC 2 of the old project"), "{}", named.3);
     assert!(named.3.contains("4 of 4 blocks have the names of"), "{}", named.3);
-    assert!(direct.0.contains("\"Motor\"") && bare.0.contains("CALL") && bare.0 != direct.0 && bare.1 != direct.1, "{}", bare.0);
+    assert!(
+        direct.0.contains("\"Motor\"") && bare.0.contains("CALL") && bare.0 != direct.0 && bare.1 != direct.1,
+        "{}",
+        bare.0
+    );
     let refused = site.ob1(&["import", &project, "--out", "x", "--names-from", &project]);
     assert!(refused.code == Some(2) && refused.err.contains("it is a project"), "{refused:?}");
 }

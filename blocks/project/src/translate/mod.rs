@@ -291,7 +291,8 @@ impl<'f> Draft<'f> {
             }
             for data in &output.program.data {
                 let id = BlockId::new(BlockKind::Db, data.number);
-                let Some(compiled) = self.compiled.get(&id).filter(|c| !compiled::agree_data(c, &data.components)) else {
+                let Some(compiled) = self.compiled.get(&id).filter(|c| !compiled::agree_data(c, &data.components))
+                else {
                     continue;
                 };
                 if wrong.contains_key(&Of::Block(id)) || !from_compiled.insert(id) {

@@ -6,7 +6,8 @@ use super::common::source::bench_with;
 use super::common::window::Looker;
 use super::common::*;
 use ob1_cpu::{
-    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Module, ModuleSlot, Put, Request, Returned,
+    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Module, ModuleSlot, Put, Request,
+    Returned,
 };
 use ob1_model::{Area, CellError, Command, DebugEnd, DebugOrder, Forced, ForcedArea, Width};
 
@@ -256,8 +257,9 @@ fn in_stop_it_works_and_outputs_are_written_only_while_they_are_enabled() {
         let forced = || [outputs(1), outputs(6), outputs(7), outputs(4)];
         let wanted = [4, 0x12, 0x34, if family == Family::S7_400 { 0x99 } else { 0 }];
         assert_eq!(forced(), wanted, "in RUN");
-        let rounds =
-            [Some(DebugOrder::Outputs(false)), Some(DebugOrder::End), None].into_iter().flat_map(|end| [end.clone(), end]);
+        let rounds = [Some(DebugOrder::Outputs(false)), Some(DebugOrder::End), None]
+            .into_iter()
+            .flat_map(|end| [end.clone(), end]);
         for end in rounds {
             bench.cpu.request(Command::Stop);
             bench.cycle();

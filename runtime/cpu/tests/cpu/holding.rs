@@ -1,8 +1,8 @@
 //! HOLD: breakpoints and single step, on every engine.
 
 use ob1_cpu::{
-    AccessClient, Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot, OperatingState,
-    Request, Returned,
+    AccessClient, Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot,
+    OperatingState, Request, Returned,
 };
 use ob1_model::moment::Moment;
 use ob1_model::{Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, Resume};
@@ -330,7 +330,8 @@ fn a_thousand_holds_leave_the_station_as_without_them() {
                 watchdog: MS * 10,
                 ..CpuConfig::default()
             };
-            let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("do", 4), Box::new(module.clone()))];
+            let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
+                vec![(ModuleSlot::new("do", 4), Box::new(module.clone()))];
             Session::with(common::source::bench_with(TIMED, &[], config, modules))
         };
         let (safe, plain) = (module(), module());

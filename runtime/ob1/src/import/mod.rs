@@ -22,7 +22,8 @@ use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SymbolRow, Translation, Tree, Wanted, translate,
+    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SymbolRow, Translation, Tree, Wanted,
+    translate,
 };
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
@@ -54,7 +55,8 @@ pub(crate) use wire::{CpuArgs, Unit};
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it; or a folder of blocks out of a CPU (.mc7)
     pub project: PathBuf,
-    /// The program (of --names-from, where that is given): its name, its CPU's or its station's, STATION/CPU/PROGRAM, or the number of its block folder
+    /// The program: its name, its CPU's or its station's, STATION/CPU/PROGRAM, or the number of its block folder; of
+    /// --names-from where that is given
     #[arg(long, value_name = "NAME")]
     pub program: Option<String>,
     /// Where the station is written: a folder that is not there yet, or is empty

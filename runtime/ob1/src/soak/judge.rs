@@ -190,7 +190,10 @@ pub(super) fn too_short(budget: &Budget, lasts: Span, cycle: Span) -> Option<Str
     };
     (lasts < needs).then(|| {
         let needs = time(needs.nanos() as f64);
-        format!("{}: it needs {what}, {needs} at this cycle: this soak cannot show it\n  = let it run longer", budget.text)
+        format!(
+            "{}: it needs {what}, {needs} at this cycle: this soak cannot show it\n  = let it run longer",
+            budget.text
+        )
     })
 }
 
