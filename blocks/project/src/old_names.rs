@@ -4,7 +4,7 @@
 //! the block of its number. Declarations that say something else than the compiled interface are held against that by
 //! [`translate`](crate::translate), which keeps their names as far as the types agree.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_mc7::{CompiledInterface, InterfaceKind, Segments};
 use ob1_model::{BlockId, BlockKind};
@@ -36,7 +36,7 @@ impl Folder {
         self.udts.clone_from(&old.udts);
         let own: Vec<BlockId> = self.blocks.keys().copied().filter(|id| !id.kind.is_system()).collect();
         let is_same = |id: &BlockId, other: &Block| self.blocks.get(id).is_some_and(|block| same(block, other));
-        let kept: Vec<BlockId> =
+        let kept: BTreeSet<BlockId> =
             own.iter().copied().filter(|id| old.blocks.get(id).is_some_and(|other| is_same(id, other))).collect();
         let mut sources: BTreeMap<BlockId, (BlockId, bool)> = kept.iter().map(|id| (*id, (*id, true))).collect();
         for id in own.iter().filter(|id| !kept.contains(id)) {
@@ -74,14 +74,14 @@ impl Folder {
     }
 }
 
-/// The values of a data block change as long as the CPU runs.
+/// The values of a data block change as long as the CPU runs. What differs most often is compared first.
 fn same(block: &Block, other: &Block) -> bool {
-    declares_the_same(block, other)
-        && if block.id.kind == BlockKind::Db {
-            block.code.len() == other.code.len()
-        } else {
-            (&block.code, &block.segments) == (&other.code, &other.segments)
-        }
+    let code = if block.id.kind == BlockKind::Db {
+        block.code.len() == other.code.len()
+    } else {
+        (&block.code, &block.segments) == (&other.code, &other.segments)
+    };
+    code && declares_the_same(block, other)
 }
 
 /// The same compiled interface, but for the block's own number in it.

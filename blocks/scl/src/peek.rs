@@ -9,7 +9,7 @@ use crate::codes;
 use crate::convert::explicit;
 use crate::syntax::Arg;
 use crate::tree::{Base, Check, Kind, Side, Typed, Var};
-use crate::types::{BLOCK_DB, BOOL, BYTE, DINT, DWORD, WORD, is_bits};
+use crate::types::{BLOCK_DB, BOOL, BYTE, DINT, DWORD, WORD, is_bits, is_whole};
 
 impl<'c> Checker<'c> {
     /// `PEEK(area, dbNumber, byteOffset)`, `PEEK_WORD`, `PEEK_DWORD`, `PEEK_BOOL` with `bitOffset`. The outer `None`:
@@ -65,14 +65,7 @@ impl<'c> Checker<'c> {
             Some(0x81) => Base::Fixed(Area::Input),
             Some(0x82) => Base::Fixed(Area::Output),
             Some(0x83) => Base::Fixed(Area::Memory),
-            Some(0x84) => match &db.kind {
-                Kind::Flexible(constant) => Base::Db(u16::try_from(Self::whole(constant)?).ok()?),
-                _ => {
-                    let number = if is_bits(db.ty) { self.coerced(db, &WORD)? } else { explicit(db, &WORD)? };
-                    let kind = Kind::Convert(Vec::new(), Check::Never, Box::new(number));
-                    Base::DbAt(Box::new(Typed::new(kind, &BLOCK_DB, area.span)))
-                }
-            },
+            Some(0x84) => self.numbered_block(db)?,
             _ => {
                 let message =
                     "the area is a constant: 16#81 inputs, 16#82 outputs, 16#83 bit memory, 16#84 a data block";
@@ -88,6 +81,29 @@ impl<'c> Checker<'c> {
             add_index(&mut var, bit, (0, 7), 1);
         }
         Some(var)
+    }
+
+    fn numbered_block(&mut self, db: Typed<'c>) -> Option<Base<'c>> {
+        let number = match &db.kind {
+            Kind::Bad => return None,
+            Kind::Flexible(constant) => match Self::whole(constant).and_then(|n| u16::try_from(n).ok()) {
+                Some(number @ 1..) => return Some(Base::Db(number)),
+                _ => {
+                    let message = "the number of a data block is 1 to 65535";
+                    self.report(db.span, &codes::FUNCTION_ARGUMENTS, message);
+                    return None;
+                }
+            },
+            _ if is_bits(db.ty) => self.coerced(db, &WORD)?,
+            _ if is_whole(db.ty) => explicit(db, &WORD)?,
+            _ => {
+                let _ = self.wrong("dbNumber", &db, "a whole number");
+                return None;
+            }
+        };
+        let span = number.span;
+        let kind = Kind::Convert(Vec::new(), Check::Never, Box::new(number));
+        Some(Base::DbAt(Box::new(Typed::new(kind, &BLOCK_DB, span))))
     }
 
     /// A number as a DINT.

@@ -4,20 +4,28 @@ import { ask, want } from "./session.js";
 import { say } from "./words.js";
 import { why } from "./why.js";
 
+/** The bytes and the bit that a forced cell covers, and whether they are inputs: `QB2=16#5A`, `I0.3=1`, `PQW256=1`. */
+const covers = (text) => {
+  const [, area, width, byte, bit] = text.match(/^P?([IEQA])([BWD]?)\s*(\d+)(?:\.(\d))?\s*=/) ?? [];
+  const bytes = { W: 2, D: 4 }[width] ?? 1;
+  return { inputs: area === "I" || area === "E", from: Number(byte), to: Number(byte) + bytes, bit: bit && Number(bit) };
+};
+
 export function io(main) {
   const strips = h("div", { class: "strips" });
   const cells = new Map();
-  let forced = new Map();
+  let forced = [];
   let items = [];
   main.replaceChildren(h("p", { class: "quiet" }, say("ioHelp")), strips);
 
+  const isInput = (area) => area === "I" || area === "E";
   const channel = (area, byte, bit, symbols) => {
     const address = `${area} ${byte}.${bit}`;
     const led = h("span", { class: "dot" });
     const value = h("span", { class: "sr" });
     const mark = h("span", { class: "force", hidden: true }, say("forced"));
     const symbol = symbols[address] ?? ["", ""];
-    cells.set(`${byte}.${bit}.${area}`, { led, value, mark, address });
+    cells.set(`${byte}.${bit}.${area}`, { led, value, mark, inputs: isInput(area), from: byte, to: byte + 1, bit });
     return h("li", {}, h("button", { type: "button", class: "channel", onclick: () => why(address) }, led, value,
       h("span", { class: "code" }, address), h("span", { class: "symbol" }, symbol[0]), h("span", { class: "quiet comment" }, symbol[1]), mark));
   };
@@ -27,7 +35,7 @@ export function io(main) {
     const value = h("span", { class: "code value" }, "…");
     const mark = h("span", { class: "force", hidden: true }, say("forced"));
     const symbol = symbols[address] ?? ["", ""];
-    cells.set(`${byte}.W.${area}`, { text: value, mark, address });
+    cells.set(`${byte}.W.${area}`, { text: value, mark, inputs: isInput(area), from: byte, to: byte + 2 });
     return h("li", {}, h("div", { class: "channel" }, value, h("span", { class: "code" }, address),
       h("span", { class: "symbol" }, symbol[0]), h("span", { class: "quiet comment" }, symbol[1]), mark));
   };
@@ -53,9 +61,9 @@ export function io(main) {
   };
 
   const marks = () => {
-    for (const { mark, address } of cells.values()) {
-      mark.hidden = !forced.has(address.replace(" ", ""));
-    }
+    const meets = (cell, of) => cell.inputs === of.inputs && cell.from < of.to && of.from < cell.to
+      && (cell.bit === undefined || of.bit === undefined || cell.bit === of.bit);
+    for (const cell of cells.values()) cell.mark.hidden = !forced.some((of) => meets(cell, of));
   };
 
   fill(strips, () => ask("io"), (told) => {
@@ -67,10 +75,7 @@ export function io(main) {
   });
   return {
     status(status) {
-      const german = /^A/.test(items.find((item) => item[1] !== "E" && item[1] !== "I")?.[1] ?? "A");
-      const own = (text) => german ? text.replace(/^P?I/, (of) => of.replace("I", "E")).replace(/^P?Q/, (of) => of.replace("Q", "A"))
-        : text.replace(/^P?E/, (of) => of.replace("E", "I")).replace(/^P?A/, (of) => of.replace("A", "Q"));
-      forced = new Map(status.forced.map((text) => [own(text.split("=")[0].replace(/\s/g, "")), text]));
+      forced = status.forced.map(covers);
       marks();
     },
     values({ values }) {

@@ -110,6 +110,7 @@ const words = {
   why_none: ["No statement writes it by its address.", "Keine Anweisung schreibt es mit seiner Adresse."],
   why_noCall: ["No statement calls it.", "Keine Anweisung ruft ihn auf."],
   why_input: ["It is an input: the sensor, its cable or the module decides.", "Es ist ein Eingang: Geber, Leitung oder Baugruppe entscheiden."],
+  why_stands: ["No program runs: the outputs are in their safe state.", "Es läuft kein Programm: Die Ausgänge sind in ihrem sicheren Zustand."],
   why_notCalled: ["{0} is not called, so nothing writes it:", "{0} wird nicht aufgerufen, also schreibt es nichts:"],
   why_places: ["Written at", "Geschrieben an"], why_decides: ["decides", "entscheidet"],
   why_many: ["More than one of these must change.", "Mehr als eines davon muss sich ändern."],

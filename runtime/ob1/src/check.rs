@@ -337,7 +337,7 @@ fn describe(station: &Station) -> String {
     for module in &station.modules {
         let span = |first: u32, len: u16| format!("{first}..{}", first + u32::from(len) - 1);
         match &module.kind {
-            ModuleKind::Inputs { bytes } => {
+            ModuleKind::Inputs { bytes, .. } => {
                 let _ = writeln!(text, "{}: inputs, bytes {}", module.name, span(module.input_address, *bytes));
             }
             ModuleKind::DpMaster { bus, areas } => {
@@ -366,7 +366,7 @@ fn describe(station: &Station) -> String {
                 }
                 text.push('\n');
             }
-            ModuleKind::Outputs { bytes } => {
+            ModuleKind::Outputs { bytes, .. } => {
                 let _ = writeln!(text, "{}: outputs, bytes {}", module.name, span(module.output_address, *bytes));
             }
             ModuleKind::Cp240 { bytes, line, .. } | ModuleKind::Cp040 { bytes, line, .. } => {

@@ -77,6 +77,8 @@ pub struct ModuleView {
     pub address: u32,
     /// Process inputs and outputs: first byte and how many.
     pub channels: [[u32; 2]; 2],
+    /// Whether they are words; of a coupler it is not known.
+    pub analog: Option<bool>,
     /// The segment of a CP.
     pub monitor: Option<Monitor>,
     /// The driver of a CP.
@@ -103,7 +105,11 @@ impl ModuleView {
             ],
             _ => [[0; 2]; 2],
         };
-        Self { name: config.name.clone(), cp, type_name, address, channels, monitor: None, driver: None }
+        let analog = match config.kind {
+            ModuleKind::Inputs { analog, .. } | ModuleKind::Outputs { analog, .. } => Some(analog),
+            _ => None,
+        };
+        Self { name: config.name.clone(), cp, type_name, address, channels, analog, monitor: None, driver: None }
     }
 
     fn status(&self, present: bool, now: Instant) -> ModuleStatus {
@@ -126,6 +132,7 @@ impl ModuleView {
             address: self.address,
             inputs: self.channels[0],
             outputs: self.channels[1],
+            analog: self.analog,
             present,
             leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
@@ -316,6 +323,7 @@ mod tests {
             type_name: "cp240",
             address: 256,
             channels: [[0; 2]; 2],
+            analog: None,
             monitor,
             driver: None,
         };

@@ -20,7 +20,7 @@ impl Exceptions {
         let mut rows = Vec::new();
         let lines = include_str!("../exceptions.txt").lines().map(str::trim);
         for line in lines.filter(|l| !l.is_empty() && !l.starts_with("# ")) {
-            let Some((head, reason)) = line.split_once(": ") else { continue };
+            let (head, reason) = line.split_once(": ").expect("exceptions.txt: NAME RELEASES: reason");
             let mut words = head.split_whitespace();
             let name = words.next().unwrap_or_default();
             let source = name.ends_with(".scl");

@@ -152,6 +152,9 @@ fn what_is_forced_is_marked() {
     browser.go(&format!("http://127.0.0.1:{port}/#io"));
     let marked = "[...document.querySelectorAll('.channel')].filter((one) => one.querySelector('.force:not([hidden])')).map((one) => one.innerText)";
     browser.until(&format!("{marked}.length === 1 && {marked}[0].includes('A 4.2') && {marked}[0].includes('forced')"));
+    // A byte is forced with all its bits.
+    site.ob1(&["force", "station.toml", "EB 0=16#81"]).fine();
+    browser.until(&format!("{marked}.filter((text) => text.includes('E 0.')).length === 8 && {marked}.length === 9"));
 }
 
 /// Twelve tabs of one browser, each with another page: all of them live, with one stream together. Back and forward

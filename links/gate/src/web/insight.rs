@@ -17,7 +17,9 @@ use ob1_stl::{CrossReference, Library, Mnemonics};
 use serde::Deserialize;
 
 /// How old this may be: it changes with a download only.
-const AGE: Duration = Duration::from_secs(60);
+const AGE: Duration = Duration::from_secs(10);
+/// How long the station may need for it.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Between two questions for what the station is still making.
 const MAKING: Duration = Duration::from_millis(200);
@@ -74,18 +76,19 @@ impl Newest {
         // The station makes it when it is asked for first.
         let begun = tokio::time::Instant::now();
         while sources.is_empty() {
-            if begun.elapsed() > AGE {
+            if begun.elapsed() > PATIENCE {
                 return Err(Trouble::Program("the station is still reading its sources".into()));
             }
             tokio::time::sleep(MAKING).await;
             sources = station.document(Document::Sources, MAKING / 2).await?;
         }
         if let Some((of, insight)) = &*self.0.borrow()
-            && Arc::ptr_eq(of, &sources)
+            && *of == sources
         {
             return Ok(Arc::clone(insight));
         }
-        let program = station.document(Document::Program, AGE / 2).await?;
+        // That of the same program, not one that was kept.
+        let program = station.document(Document::Program, Duration::ZERO).await?;
         let of = Arc::clone(&sources);
         // A large program takes a while to read.
         let made = tokio::task::spawn_blocking(move || Insight::new(&program, &of)).await;

@@ -42,20 +42,21 @@ impl Page {
         let told = modules.iter().map(|module| {
             let range = |key: &str| [0, 1].map(|at| module[key][at].as_u64().unwrap_or(0) as u32);
             let ranges = [range("inputs"), range("outputs")];
+            let analog = module["analog"].as_bool().unwrap_or_else(|| words(ranges, areas, image, &symbols));
             json!({
                 "name": module["name"], "type": module["type"], "present": module["present"],
-                "inputs": ranges[0], "outputs": ranges[1], "analog": is_analog(ranges, areas, image, &symbols),
+                "inputs": ranges[0], "outputs": ranges[1], "analog": analog,
             })
         });
         send(&json!({ "areas": areas, "modules": told.collect::<Vec<_>>(), "symbols": symbols }))
     }
 }
 
-/// Whether its channels are words: only words of it have symbols, or it lies behind the process image.
-fn is_analog(ranges: [[u32; 2]; 2], areas: [&str; 2], image: [u32; 2], symbols: &BTreeMap<&str, [&str; 2]>) -> bool {
-    let mut words = false;
+/// Whether the channels of a coupler are words: only words of it have symbols, or it lies behind the process image.
+fn words(ranges: [[u32; 2]; 2], areas: [&str; 2], image: [u32; 2], symbols: &BTreeMap<&str, [&str; 2]>) -> bool {
+    let mut found = false;
     for ((area, [first, bytes]), image) in areas.iter().zip(ranges).zip(image) {
-        words |= bytes > 0 && first >= image;
+        found |= bytes > 0 && first >= image;
         for address in symbols.keys() {
             let bare = address.strip_prefix('P').unwrap_or(address);
             let Some((letters, number)) = bare.split_once(' ') else { continue };
@@ -68,10 +69,10 @@ fn is_analog(ranges: [[u32; 2]; 2], areas: [&str; 2], image: [u32; 2], symbols: 
             if number.contains('.') {
                 return false;
             }
-            words |= letters.ends_with(['W', 'D']);
+            found |= letters.ends_with(['W', 'D']);
         }
     }
-    words
+    found
 }
 
 #[cfg(test)]
@@ -81,7 +82,7 @@ mod tests {
     #[test]
     fn a_module_has_words_if_only_words_of_it_have_names() {
         let symbols = BTreeMap::from([("E 0.1", ["start", ""]), ("EW 4", ["level", ""]), ("PEW 256", ["flow", ""])]);
-        let of = |inputs| is_analog([inputs, [0, 0]], ["E", "A"], [128, 128], &symbols);
+        let of = |inputs| words([inputs, [0, 0]], ["E", "A"], [128, 128], &symbols);
         assert_eq!([[0, 4], [4, 4], [256, 8], [300, 2], [8, 2]].map(of), [false, true, true, true, false]);
     }
 }

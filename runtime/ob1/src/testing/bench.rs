@@ -39,7 +39,10 @@ pub(super) fn bare_modules() -> Vec<ModuleConfig> {
         driver: None,
         kind,
     };
-    vec![module("inputs", ModuleKind::Inputs { bytes }), module("outputs", ModuleKind::Outputs { bytes })]
+    vec![
+        module("inputs", ModuleKind::Inputs { bytes, analog: false }),
+        module("outputs", ModuleKind::Outputs { bytes, analog: false }),
+    ]
 }
 
 /// Virtual time of a bench.

@@ -390,6 +390,9 @@ pub struct ModuleStatus {
     /// Process outputs: first byte and how many.
     #[serde(default)]
     pub outputs: [u32; 2],
+    /// Whether its channels are words; of a coupler it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analog: Option<bool>,
     /// True while its driver answers.
     pub present: bool,
     /// LEDs that are lit, by name.

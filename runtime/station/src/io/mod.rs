@@ -96,8 +96,8 @@ impl ProcessIo {
     #[must_use]
     pub fn module(&self, config: &ModuleConfig, leads: bool) -> Option<Box<dyn Module>> {
         let (inputs, outputs) = match &config.kind {
-            ModuleKind::Inputs { bytes } => (*bytes, 0),
-            ModuleKind::Outputs { bytes } => (0, *bytes),
+            ModuleKind::Inputs { bytes, .. } => (*bytes, 0),
+            ModuleKind::Outputs { bytes, .. } => (0, *bytes),
             // Stands in for a coupler where a program is tried without its plant.
             ModuleKind::Remote { .. } | ModuleKind::DpMaster { .. } => (config.input_bytes(), config.output_bytes()),
             _ => return None,
@@ -270,8 +270,10 @@ mod tests {
     #[test]
     fn modules_are_windows_onto_one_image() {
         let io = ProcessIo::new(IoImage::heap(), Stimulus::default());
-        let mut input = io.module(&config("i", 4, ModuleKind::Inputs { bytes: 2 }), true).expect("process I/O");
-        let mut output = io.module(&config("o", 8, ModuleKind::Outputs { bytes: 2 }), false).expect("process I/O");
+        let mut input =
+            io.module(&config("i", 4, ModuleKind::Inputs { bytes: 2, analog: false }), true).expect("process I/O");
+        let mut output =
+            io.module(&config("o", 8, ModuleKind::Outputs { bytes: 2, analog: false }), false).expect("process I/O");
         let field = io.field().expect("not poisoned");
         output.cpu_state(true);
         field.write_inputs(0, &[0, 1, 2, 3, 4, 5, 6]);
@@ -291,9 +293,10 @@ mod tests {
     #[test]
     fn a_substitute_is_what_stands_there_while_nobody_drives_the_outputs() {
         let io = ProcessIo::new(IoImage::heap(), Stimulus::default());
-        let mut valve = config("valve", 4, ModuleKind::Outputs { bytes: 2 });
+        let mut valve = config("valve", 4, ModuleKind::Outputs { bytes: 2, analog: false });
         valve.substitute = vec![0x80, 1];
-        let mut lamp = io.module(&config("lamp", 0, ModuleKind::Outputs { bytes: 1 }), true).expect("process I/O");
+        let mut lamp =
+            io.module(&config("lamp", 0, ModuleKind::Outputs { bytes: 1, analog: false }), true).expect("process I/O");
         let mut valve = io.module(&valve, false).expect("process I/O");
         let field = io.field().expect("not poisoned");
         let outputs = || {
@@ -331,7 +334,8 @@ mod tests {
     #[test]
     fn switched_off_stays_off() {
         let io = ProcessIo::new(IoImage::heap(), Stimulus::default());
-        let mut output = io.module(&config("o", 0, ModuleKind::Outputs { bytes: 1 }), true).expect("process I/O");
+        let mut output =
+            io.module(&config("o", 0, ModuleKind::Outputs { bytes: 1, analog: false }), true).expect("process I/O");
         output.cpu_state(true);
         output.write(0, &[7]).expect("its own byte");
         io.switch_off();

@@ -57,7 +57,7 @@ impl Panel {
 /// The input bytes of each module of process I/O.
 pub(super) fn inputs(modules: &[ModuleConfig]) -> Vec<Range<u32>> {
     let bytes = |module: &ModuleConfig| match module.kind {
-        ModuleKind::Inputs { bytes } => {
+        ModuleKind::Inputs { bytes, .. } => {
             Some(module.input_address..module.input_address.saturating_add(u32::from(bytes)))
         }
         _ => None,
@@ -85,9 +85,9 @@ mod tests {
             kind,
         };
         let modules = [
-            module("a", 4, ModuleKind::Inputs { bytes: 2 }),
-            module("b", 6, ModuleKind::Inputs { bytes: 1 }),
-            module("c", 8, ModuleKind::Outputs { bytes: 2 }),
+            module("a", 4, ModuleKind::Inputs { bytes: 2, analog: false }),
+            module("b", 6, ModuleKind::Inputs { bytes: 1, analog: false }),
+            module("c", 8, ModuleKind::Outputs { bytes: 2, analog: false }),
         ];
         let image = IoImage::heap();
         let field = image.field();

@@ -100,9 +100,12 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path, bu
         Type::Cp(kind @ (CpKind::Cp341 | CpKind::Cp340)) => keyed::module(f, table, folder, kind)?,
         Type::Cp(CpKind::Cp343) => connection::module(f, table)?,
         Type::DpMaster => dp_master::module(f, table, buses)?,
-        Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
-        Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
-        Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },
+        Type::DigitalIn | Type::AnalogIn => {
+            ModuleKind::Inputs { bytes: io_bytes(f, table, ty), analog: ty == Type::AnalogIn }
+        }
+        Type::DigitalOut | Type::AnalogOut => {
+            ModuleKind::Outputs { bytes: io_bytes(f, table, ty), analog: ty == Type::AnalogOut }
+        }
         // It is more than one module.
         Type::Coupler => return None,
     };
@@ -129,7 +132,7 @@ fn driver(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) ->
 /// What process outputs are while nobody drives them: a byte each of `do`, a word each of `ao`.
 fn substitute(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, kind: &ModuleKind) -> Vec<u8> {
     let Some(given) = &table.substitute else { return Vec::new() };
-    let (ModuleKind::Outputs { bytes }, true) = (kind, matches!(ty, Type::DigitalOut | Type::AnalogOut)) else {
+    let (ModuleKind::Outputs { bytes, .. }, true) = (kind, matches!(ty, Type::DigitalOut | Type::AnalogOut)) else {
         f.error(CONTRADICTION, given.span(), "`substitute` is for `do` and `ao`", "leave it out");
         return Vec::new();
     };

@@ -376,11 +376,15 @@ pub enum ModuleKind {
     Inputs {
         /// Bytes.
         bytes: u16,
+        /// Its channels are words.
+        analog: bool,
     },
     /// Process outputs: `do` or `ao`.
     Outputs {
         /// Bytes.
         bytes: u16,
+        /// Its channels are words.
+        analog: bool,
     },
     /// A CP 342-5: a PROFIBUS whose slaves the program reaches by its handling blocks.
     DpMaster {
@@ -439,7 +443,7 @@ impl ModuleConfig {
     #[must_use]
     pub fn input_bytes(&self) -> u16 {
         match &self.kind {
-            ModuleKind::Inputs { bytes } => *bytes,
+            ModuleKind::Inputs { bytes, .. } => *bytes,
             ModuleKind::Remote { module, .. } => module.inputs.1,
             _ => self.kind.io_bytes(),
         }
@@ -449,7 +453,7 @@ impl ModuleConfig {
     #[must_use]
     pub fn output_bytes(&self) -> u16 {
         match &self.kind {
-            ModuleKind::Outputs { bytes } => *bytes,
+            ModuleKind::Outputs { bytes, .. } => *bytes,
             ModuleKind::Remote { module, .. } => module.outputs.1,
             _ => self.kind.io_bytes(),
         }
