@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{CodeBlock, Notation, Op, Symbol};
-use ob1_stl::Mnemonics;
 use ob1_stl::print::Listing;
+use ob1_stl::{Mnemonics, address_in_set};
 
 /// The listing of a block by the lines of its source, from the first one on.
 #[must_use]
@@ -37,27 +37,7 @@ pub fn listing(block: &CodeBlock, lines: &[&str]) -> Listing {
 /// The symbols by their addresses in a set of mnemonics: a table has them in its own.
 #[must_use]
 pub fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
-    let german = mnemonics != Mnemonics::International;
-    let pairs = [("I", "E"), ("Q", "A"), ("C", "Z")];
-    let address = |text: &str| {
-        let text = text.trim();
-        let digits = text.find(|c: char| c.is_ascii_digit())?;
-        let (letters, number) = text.split_at(digits);
-        let letters = letters.trim().to_ascii_uppercase();
-        let (prefix, rest) =
-            letters.strip_prefix('P').filter(|rest| !rest.is_empty()).map_or(("", &*letters), |r| ("P", r));
-        let mut rest = rest.to_owned();
-        for (international, own) in pairs {
-            let (from, to) = if german { (international, own) } else { (own, international) };
-            // Areas: E, EB, EW, ED; not a block or a type.
-            if let Some(width) = rest.strip_prefix(from).filter(|width| ["", "B", "W", "D"].contains(width)) {
-                rest = format!("{to}{width}");
-                break;
-            }
-        }
-        Some(format!("{prefix}{rest} {number}"))
-    };
-    all.iter().filter_map(|symbol| Some((address(&symbol.address)?, symbol.name.clone()))).collect()
+    all.iter().filter_map(|symbol| Some((address_in_set(&symbol.address, mnemonics)?, symbol.name.clone()))).collect()
 }
 
 /// A line without its comment.

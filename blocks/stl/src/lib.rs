@@ -103,8 +103,8 @@ pub use symbol_table::{SymbolTable, TableForm, read_symbol_tables, read_symbols}
 pub use value_text::{constant_bits, constant_bytes, duration_text};
 
 pub use xref::{
-    AREAS, Access, Assignment, ByteUse, CrossReference, Match, Reference, Unknown, Uses, WrittenTwice, in_set,
-    render_xref, xref, xref_with,
+    AREAS, Access, Assignment, ByteUse, CrossReference, Match, Reference, Unknown, Uses, WrittenTwice, address_in_set,
+    in_set, render_xref, xref, xref_with,
 };
 
 pub use fold::apply as fold_constants;

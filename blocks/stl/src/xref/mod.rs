@@ -22,7 +22,7 @@ use extent::{Extent, Instances, Wanted};
 pub use assignment::{AREAS, Assignment, ByteUse, WrittenTwice};
 pub use extent::Match;
 pub use query::Unknown;
-pub use text::{in_set, render_xref};
+pub use text::{address_in_set, in_set, render_xref};
 
 /// What a statement does to an operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -17,6 +17,23 @@ pub fn in_set(operand: &str, set: Mnemonics) -> String {
     format!("{}{rest}", row.map_or(word, |(_, international, _)| international))
 }
 
+/// An address of a symbol table, as either set and any spelling have it (`I   8.0`, `ew4`), in a set: `E 8.0`. `None`:
+/// it has no number.
+#[must_use]
+pub fn address_in_set(address: &str, set: Mnemonics) -> Option<String> {
+    let address = address.trim();
+    let (word, number) = address.split_at(address.find(|c: char| c.is_ascii_digit())?);
+    let word = word.trim().to_ascii_uppercase();
+    let row = IDENTIFIERS.iter().find(|(german, international, ..)| [*german, *international].contains(&word.as_str()));
+    let word = row.map_or(
+        word.as_str(),
+        |(german, international, ..)| {
+            if set == Mnemonics::International { international } else { german }
+        },
+    );
+    Some(format!("{word} {number}"))
+}
+
 impl Reference {
     /// The operand in a set of mnemonics.
     #[must_use]
