@@ -85,7 +85,7 @@ impl Translation<'_, '_> {
     /// Goes to statement `to`; backwards there is a safe point.
     fn go(&mut self, to: usize, pc: usize) {
         if to <= pc {
-            self.safe_point(to);
+            self.safe_point(to, self.body.live[to]);
         }
         let start = self.start_of(to);
         self.flush(to);
@@ -127,8 +127,9 @@ impl Translation<'_, '_> {
 
     /// A safe point before statement `statement`: reads the clock and checks what is due, if it is time.
     ///
-    /// What waits to be written is written only if the safe point looks; after that everything is read again.
-    pub(crate) fn safe_point(&mut self, statement: usize) {
+    /// What waits to be written is written only if the safe point looks; after that everything is read again. The stacks
+    /// of a CPU that goes to STOP here have the registers of `told`.
+    pub(crate) fn safe_point(&mut self, statement: usize, told: flow::Set) {
         let uncounted = self.body.uncounted(statement);
         self.count(uncounted);
         let executed = self.executed();
@@ -156,8 +157,7 @@ impl Translation<'_, '_> {
         let (cache, now) = (self.checked.cache.clone(), self.now.clone());
         self.write_back();
         self.tell_count();
-        // For the stacks of a CPU that goes to STOP here.
-        self.spill(self.body.live[statement]);
+        self.spill(told);
         self.spill_data();
         self.now = now;
         let (block, at) = (self.word(self.block), self.word(statement as u32));
