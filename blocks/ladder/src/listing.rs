@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{CodeBlock, Notation, Op, Symbol};
+use ob1_ir::{CodeBlock, Notation, Op, Program};
+use ob1_model::Layout;
 use ob1_stl::print::Listing;
 use ob1_stl::{Mnemonics, address_in_set};
 
@@ -34,10 +35,37 @@ pub fn listing(block: &CodeBlock, lines: &[&str]) -> Listing {
     listing
 }
 
-/// The symbols by their addresses in a set of mnemonics: a table has them in its own.
+/// Names of components that are shown at most, and bits of a declaration whose components are.
+const COMPONENTS: usize = 50_000;
+const DECLARATION: u32 = 64 * 1024;
+
+/// Names by addresses in a set of mnemonics: the symbols, of whichever set their table is, and the components of the data
+/// blocks (`DB12.DBX 0.1`: `"Alarms".pump`). Those of very long declarations are left out.
 #[must_use]
-pub fn symbols(all: &[Symbol], mnemonics: Mnemonics) -> BTreeMap<String, String> {
-    all.iter().filter_map(|symbol| Some((address_in_set(&symbol.address, mnemonics)?, symbol.name.clone()))).collect()
+pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, String> {
+    let mut all = BTreeMap::new();
+    for block in &program.data {
+        let own = block.name.as_ref().map_or_else(|| format!("DB{}", block.number), |name| format!("\"{name}\""));
+        let mut leaves = Vec::new();
+        for declared in block.components.iter().filter(|declared| Layout::bits(&declared.ty) <= DECLARATION) {
+            if all.len() + leaves.len() < COMPONENTS {
+                Layout::components(&declared.path, &declared.ty, declared.at, &mut leaves);
+            }
+        }
+        for leaf in leaves {
+            let (unit, at) = match leaf.ty.elementary_bits() {
+                Some(1) => ('X', leaf.at.to_string()),
+                Some(8) => ('B', (leaf.at.0 / 8).to_string()),
+                Some(16) => ('W', (leaf.at.0 / 8).to_string()),
+                Some(32) => ('D', (leaf.at.0 / 8).to_string()),
+                _ => continue,
+            };
+            all.insert(format!("DB{}.DB{unit} {at}", block.number), format!("{own}.{}", leaf.path));
+        }
+    }
+    let symbols = program.symbols.iter();
+    all.extend(symbols.filter_map(|one| Some((address_in_set(&one.address, mnemonics)?, one.name.clone()))));
+    all
 }
 
 /// A line without its comment.
@@ -119,5 +147,25 @@ mod tests {
         assert_eq!(titles, [("Pump on", " when there is water"), ("the rest", "")]);
         assert_eq!(listing.labels.values().collect::<Vec<_>>(), ["next"]);
         assert_eq!(listing.notations.values().collect::<Vec<_>>(), [&Notation::S5Time, &Notation::Real]);
+    }
+
+    #[test]
+    fn components_of_data_blocks_have_names_as_symbols_have() {
+        let text = "DATA_BLOCK DB 12\nSTRUCT\nready : BOOL;\nlamps : ARRAY [1..3] OF BOOL;\nspeed : INT;\npart : STRUCT\nlong : REAL;\nEND_STRUCT;\n\
+                    END_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
+        let table = "\"Alarms\",\"DB     12\",\"DB     12\",\"\"\n\"run\",\"E       0.1\",\"BOOL\",\"\"\n";
+        let sources = [Source::new("a.awl", text), Source::new("a.sdf", table)];
+        let options = Options { symbols: ob1_stl::read_symbols(&sources[1]).symbols, ..Options::default() };
+        let program = compile(&sources[..1], &Library::new(), &options).program;
+        let names = symbols(&program, Mnemonics::International);
+        for (address, name) in [
+            ("I 0.1", "run"),
+            ("DB12.DBX 0.0", "\"Alarms\".ready"),
+            ("DB12.DBX 2.2", "\"Alarms\".lamps[3]"),
+            ("DB12.DBW 4", "\"Alarms\".speed"),
+            ("DB12.DBD 6", "\"Alarms\".part.long"),
+        ] {
+            assert_eq!(names.get(address).map(String::as_str), Some(name), "{address}: {names:?}");
+        }
     }
 }

@@ -236,6 +236,8 @@ codes! {
         "Load its source, unless the program creates the data block itself (SFC 22).";
     TIME_FOR_TIMER = "S0911", Lint, "A timer is started with a TIME, where it takes an S5TIME.",
         "Write S5T# in place of T#: at run time the bits of a TIME are a BCD error (2521h) or another time.";
+    LONG_CONSTANT = "S0912", Lint, "A number of 32 bits is loaded without L#.",
+        "Write L# in front of it, as STEP 7 wants it; an INT ends at 32767.";
 }
 
 /// The page `docs/stl-errors.md`.

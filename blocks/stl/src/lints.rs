@@ -13,9 +13,9 @@ use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, written};
 use crate::lint_accu;
 use crate::lint_br::{self, BrUse};
+use crate::lint_constant;
 use crate::lint_memory::MemoryUse;
 use crate::lint_paths;
-use crate::lint_timer;
 use crate::syntax::Block;
 use crate::token::File;
 use crate::world::Info;
@@ -47,7 +47,8 @@ impl Whole {
         self.memory.gather(&inspected);
         inputs_written(&inspected, sink);
         unused_labels(&inspected, file, sink);
-        lint_timer::started_with_a_time(&inspected, file, sink);
+        lint_constant::started_with_a_time(&inspected, file, sink);
+        lint_constant::long_without_sign(&inspected, file, sink);
     }
 
     /// What can be said when all blocks have been seen.

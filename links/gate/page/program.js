@@ -1,5 +1,5 @@
 // The program: a rail of blocks, the code of one as its source, ladder or function plan, live; who uses what.
-import { fill, h, table } from "./kit.js";
+import { fill, h, svg, table } from "./kit.js";
 import { ask, state, want } from "./session.js";
 import { say, told } from "./words.js";
 import { why } from "./why.js";
@@ -194,8 +194,8 @@ function blockView(block, head) {
     const drawing = target.querySelector(".drawing");
     if (!drawing) return;
     await fill(drawing, () => ask(`drawing?id=${encodeURIComponent(block.id)}&network=${network}&form=${chosen.view}`), (text) => {
-      const svg = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
-      return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `${say("network")} ${network}` }, svg);
+      const drawn = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
+      return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `${say("network")} ${network}` }, drawn);
     });
     touch(drawing);
     drawing.style.minHeight = "";
@@ -207,9 +207,7 @@ function blockView(block, head) {
       const name = part.dataset.operand;
       if (!/^(#\w|[EAIQM] ?\d+\.\d|DB ?\d+\.DBX|[TZC] ?\d)/.test(name)) continue;
       const box = part.getBBox();
-      const room = document.createElementNS("http://www.w3.org/2000/svg", "rect");
-      for (const [key, value] of Object.entries({ x: box.x - 2, y: box.y - 2, width: box.width + 4, height: box.height + 4, class: "room" })) room.setAttribute(key, value);
-      part.prepend(room);
+      part.prepend(svg("rect", { x: box.x - 2, y: box.y - 2, width: box.width + 4, height: box.height + 4, class: "room" }));
       part.setAttribute("tabindex", "0");
       part.setAttribute("role", "button");
       part.setAttribute("aria-label", say("whyAsk", part.querySelector("title")?.textContent ?? name));

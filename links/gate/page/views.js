@@ -1,5 +1,5 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
-import { clock, dialog, download, fill, h, local, redraw, table, tell } from "./kit.js";
+import { clock, dialog, download, fill, h, local, redraw, svg, table, tell } from "./kit.js";
 import { ask, may, state, want } from "./session.js";
 import { reason as reasonText, say, told } from "./words.js";
 
@@ -176,23 +176,17 @@ export function remember(status) {
   if (history.length > 600) history.shift();
 }
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function chart() {
+/** The medians of these spreads as a line, their 99 % values as marks. */
+function chart(points, label) {
   const [width, height] = [600, 120];
-  const most = Math.max(...history.map((point) => point.p99_ns), 1);
-  const x = (at) => width - (history.length - 1 - at);
-  const y = (ns) => height - 4 - (height - 12) * ns / most;
-  const draw = (name, attributes) => {
-    const element = document.createElementNS(SVG, name);
-    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-    return element;
-  };
-  const picture = draw("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", preserveAspectRatio: "none",
-    "aria-label": say("historyText", time(history.at(-1)?.p50_ns ?? 0), time(most)) });
-  picture.append(draw("path", { class: "marks", d: history.map((point, at) => `M${x(at)} ${height}V${y(point.p99_ns).toFixed(1)}`).join("") }),
-    draw("polyline", { class: "line", points: history.map((point, at) => `${x(at)},${y(point.p50_ns).toFixed(1)}`).join(" ") }));
-  return h("figure", {}, picture, h("figcaption", { class: "quiet" }, say("historyText", time(history.at(-1)?.p50_ns ?? 0), time(most))));
+  const most = Math.max(...points.map((point) => point.p99_ns), 1);
+  const x = (at) => (width - (points.length - 1 - at) * Math.max(1, width / Math.max(points.length, 600))).toFixed(1);
+  const y = (ns) => (height - 4 - (height - 12) * ns / most).toFixed(1);
+  const text = label(time(points.at(-1)?.p50_ns ?? 0), time(most));
+  const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", preserveAspectRatio: "none", "aria-label": text });
+  picture.append(svg("path", { class: "marks", d: points.map((point, at) => `M${x(at)} ${height}V${y(point.p99_ns)}`).join("") }),
+    svg("polyline", { class: "line", points: points.map((point, at) => `${x(at)},${y(point.p50_ns)}`).join(" ") }));
+  return h("figure", {}, picture, h("figcaption", { class: "quiet" }, text));
 }
 
 export function scan(main) {
@@ -201,7 +195,7 @@ export function scan(main) {
   const rest = h("div", {}, h("p", { class: "quiet" }, say("loading")));
   main.replaceChildren(picture, rest);
   const look = async () => {
-    redraw(picture, h("h2", {}, say("history")), chart());
+    redraw(picture, h("h2", {}, say("history")), chart(history, (now, most) => say("historyText", now, most)));
     if (busy) return;
     busy = true;
     try {
@@ -258,6 +252,17 @@ export function diagnostics(main) {
   return { event: (event) => { if (event.what === "diagnosis") look(); } };
 }
 
+/** What a report has as figures, as pictures. */
+function pictures({ timing, intervals }) {
+  const series = (intervals ?? []).map((of) => of.execution);
+  const scale = Math.max(1, Math.ceil(series.length / 600));
+  // The worst of several stands for them, where there are more than points.
+  const points = series.flatMap((_, at) => at % scale ? [] : [series.slice(at, at + scale).reduce((worst, of) => of.p99_ns > worst.p99_ns ? of : worst)]);
+  return [points.length > 1 ? chart(points, (_, most) => say("seriesText", points.length, most)) : null,
+    timing ? h("div", { class: "columns" }, histogram(say("execution"), timing.execution), histogram(say("cycle"), timing.cycle),
+      histogram(say("wake"), timing.wake)) : null].filter(Boolean);
+}
+
 export function reports(main) {
   const shown = h("section", { id: "report" });
   const look = async () => {
@@ -269,7 +274,7 @@ export function reports(main) {
           const findings = (report.findings ?? []).map((of) => [of.budget, of.measured, of.verdict, of.why]);
           shown.replaceChildren(h("h2", {}, name), h("p", {}, h("strong", {}, `${say("verdict")}: ${report.verdict}`)),
             h("p", {}, `${report.station} · ${date(report.began_unix_s * 1e9)} · ${duration(report.measured_ns)} · ${report.ended}`),
-            table([say("budget"), say("measured"), say("verdict"), ""], findings, say("verdict")),
+            table([say("budget"), say("measured"), say("verdict"), ""], findings, say("verdict")), ...pictures(report),
             h("details", {}, h("summary", {}, "JSON"),
               h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": name }, h("pre", { class: "code" }, JSON.stringify(report, null, 1)))));
         } catch (error) { tell(error.message); }

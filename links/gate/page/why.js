@@ -23,7 +23,7 @@ function answer(why, deeper) {
   const head = why.outcome === "" || block ? h("p", {}, name) : h("p", {}, bit(why.now), " ", name, about ? `: ${about}` : "");
   const parts = [head];
   if (why.writers.length === 0) {
-    parts.push(h("p", {}, say(block ? "why_noCall" : /^[EI] ?\d/.test(why.operand) ? "why_input" : "why_none")));
+    parts.push(h("p", {}, say(/^OB/.test(why.operand) ? "why_event" : block ? "why_noCall" : /^[EI] ?\d/.test(why.operand) ? "why_input" : "why_none")));
     return parts;
   }
   if (why.outcome === "not called") {

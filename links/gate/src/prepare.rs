@@ -158,9 +158,16 @@ fn needs(keys: &Value, welcome: &Welcome) -> Result<Needs, String> {
             .map_err(|why| named(&format!("the audit log {}: {why}", file.display())))?,
         None => Audit::none(&welcome.link),
     };
-    let state = path(keys, "state");
-    if let Some(folder) = &state {
-        std::fs::create_dir_all(folder).map_err(|why| named(&format!("{}: {why}", folder.display())))?;
+    let mut state = path(keys, "state");
+    if let Some(folder) = &state
+        && let Err(why) = std::fs::create_dir_all(folder)
+    {
+        let why = named(&format!("{}: {why}", folder.display()));
+        if keys["type"] != "web" {
+            return Err(why);
+        }
+        warn!("{why}: no variable table can be kept");
+        state = None;
     }
     Ok((users, tls, audit, state))
 }

@@ -1,8 +1,8 @@
 //! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those of its CPs, with text and remedy.
 
+use chrono::{Local, TimeZone};
 use clap::Args;
 use ob1_model::BlockKind;
-use ob1_model::moment::Moment;
 use serde::Serialize;
 
 use crate::debug::{local, registers, stack};
@@ -10,12 +10,11 @@ use crate::exit::Exit;
 use crate::remote::{ask, print_json};
 use ob1_station::access::debug::DebugWanted;
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
-use ob1_station::wall_clock;
 
 /// Print the diagnostic buffers of a running station
 ///
 /// The buffer of the CPU, and those of its CPs (of a CP 240 and a CP 040 a list that the module itself does not have):
-/// newest entry first, each with its date and time of day (UTC), its time since the start of the runtime, its number,
+/// newest entry first, each with its date and time of day here, its time since the start of the runtime, its number,
 /// what it means, where (block, line, file) and, in the line below, what helps. Above the entries of a CP stands what
 /// it waits for or what has failed. The buffer of a CP outlives its driver. Below, the system data blocks that a
 /// programming device has loaded: none of them is used.
@@ -115,15 +114,24 @@ fn system_data(station: &str) -> Vec<String> {
     kept.map(|one| one.block).collect()
 }
 
-/// A moment by the wall clock, UTC.
-fn date(unix_ns: u64) -> String {
-    let moment = Moment::from_ms(wall_clock::date_of(unix_ns) / 1_000_000);
-    moment.map_or_else(|| "?".to_owned(), |moment| moment.to_string())
+/// A moment in the time zone of this machine.
+pub(crate) fn date(unix_ns: u64) -> String {
+    date_in(&Local, unix_ns)
 }
 
-/// The buffers as text.
+fn date_in<Z: TimeZone<Offset: std::fmt::Display>>(zone: &Z, unix_ns: u64) -> String {
+    let moment = zone.timestamp_nanos(i64::try_from(unix_ns).unwrap_or(i64::MAX));
+    moment.format("%Y-%m-%d %H:%M:%S%.3f %:z").to_string()
+}
+
+/// The buffers as text, with times of the time zone of this machine.
 pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
+    told(cpu, cps, &Local)
+}
+
+fn told<Z: TimeZone<Offset: std::fmt::Display>>(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer], zone: &Z) -> String {
     use std::fmt::Write as _;
+    let date = |unix_ns| date_in(zone, unix_ns);
     let mut out = String::new();
     // Writing into a String does not fail.
     for (index, entry) in cpu.into_iter().flatten().enumerate() {
@@ -133,7 +141,7 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
         let (date, seconds) = (date(entry.unix_ns), entry.time_ns as f64 / 1e9);
         let _ = writeln!(out, "{:>6}  {date} {seconds:>13.6} s  {}", entry.number, entry.told());
         if !entry.remedy.is_empty() {
-            let _ = writeln!(out, "{:>51} {}", "=", entry.remedy);
+            let _ = writeln!(out, "{:>58} {}", "=", entry.remedy);
         }
     }
     for cp in cps {
@@ -142,7 +150,7 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
         if let Some(reason) = &cp.reason {
             let _ = writeln!(out, "        now: {}", reason.text);
             if !reason.remedy.is_empty() {
-                let _ = writeln!(out, "{:>51} {}", "=", reason.remedy);
+                let _ = writeln!(out, "{:>58} {}", "=", reason.remedy);
             }
         }
         if cp.entries.is_empty() {
@@ -153,7 +161,7 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
             let (date, seconds) = (date(entry.unix_ns), entry.time_ms as f64 / 1e3);
             let _ = writeln!(out, "        {date} {seconds:>13.3} s  {} {gone}{}", entry.number, entry.text);
             if entry.incoming && !entry.remedy.is_empty() {
-                let _ = writeln!(out, "{:>51} {}", "=", entry.remedy);
+                let _ = writeln!(out, "{:>58} {}", "=", entry.remedy);
             }
         }
     }
@@ -162,6 +170,7 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use chrono::FixedOffset;
     use ob1_backplane::BufferEntry;
     use ob1_station::access::protocol::ReasonStatus;
 
@@ -196,18 +205,19 @@ mod tests {
         let cp = buffer(&[(0x080D, false, 62_500), (0x080D, true, 61_000), (0x0003, true, 12), (0xFFFF, true, 0)]);
         let expected = "\
 CPU
-     3  2027-01-15 08:00:00.123      0.002000 s  253Ah data block not loaded (OB 1, line 7, DB 99), press.awl:7
-                                                  = Load it.
-     2  2027-01-15 08:00:00.123      0.002000 s  4302h RUN
+     3  2027-01-15 09:00:00.123 +01:00      0.002000 s  253Ah data block not loaded (OB 1, line 7, DB 99), press.awl:7
+                                                         = Load it.
+     2  2027-01-15 09:00:00.123 +01:00      0.002000 s  4302h RUN
 
 cp (cp341 at 272), driver: ready
-        1990-01-01 00:00:00.000        62.500 s  080Dh gone: BREAK: the receiving line is interrupted
-        1990-01-01 00:00:00.000        61.000 s  080Dh BREAK: the receiving line is interrupted
-                                                  = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
-        1990-01-01 00:00:00.000         0.012 s  0003h The parameters were accepted
-        1990-01-01 00:00:00.000         0.000 s  FFFFh unknown event
+        1970-01-01 01:00:00.000 +01:00        62.500 s  080Dh gone: BREAK: the receiving line is interrupted
+        1970-01-01 01:00:00.000 +01:00        61.000 s  080Dh BREAK: the receiving line is interrupted
+                                                         = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
+        1970-01-01 01:00:00.000 +01:00         0.012 s  0003h The parameters were accepted
+        1970-01-01 01:00:00.000 +01:00         0.000 s  FFFFh unknown event
 ";
-        assert_eq!(text(Some(&cpu), &[cp]), expected);
+        let winter = FixedOffset::east_opt(3600).expect("an hour");
+        assert_eq!(told(Some(&cpu), &[cp], &winter), expected);
     }
 
     #[test]
@@ -218,7 +228,7 @@ cp (cp341 at 272), driver: ready
             remedy: "Call it.".into(),
             ..ReasonStatus::default()
         });
-        let expected = "cp (cp341 at 272), driver: ready\n        now: waits for P_RCV_RK\n                         \
+        let expected = "cp (cp341 at 272), driver: ready\n        now: waits for P_RCV_RK\n                                \
                         \u{20}                        = Call it.\n        no entries\n";
         assert_eq!(text(None, &[CpBuffer { reason, ..buffer(&[]) }]), expected);
     }

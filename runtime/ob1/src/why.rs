@@ -155,8 +155,13 @@ fn text(why: &WhyStatus, depth: usize) -> String {
     };
     let _ = writeln!(out, "{gap}{}{state}", why.operand);
     if why.writers.is_empty() {
-        let what = if is_block(&why.operand) { "calls it" } else { "writes it by its address" };
-        let _ = writeln!(out, "{gap}  no statement {what}: ob1 xref shows what may");
+        let what = match why.operand.get(..2) {
+            Some("OB") => "the CPU calls it when its event comes",
+            _ if is_block(&why.operand) => "no statement calls it: ob1 xref shows what may",
+            Some("E " | "I ") => "it is an input: the sensor, its cable or the module decides",
+            _ => "no statement writes it by its address: ob1 xref shows what may",
+        };
+        let _ = writeln!(out, "{gap}  {what}");
         return out;
     }
     if why.writers.len() > 1 {

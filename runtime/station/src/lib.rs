@@ -10,6 +10,7 @@
 pub mod out;
 
 pub mod access;
+mod area_check;
 pub mod assembly;
 pub use ob1_access::block_name;
 pub mod bus_view;

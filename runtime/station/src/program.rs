@@ -24,7 +24,9 @@ use crate::library::{self, Choice};
 use crate::sources::Sources;
 use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use crate::station_file::{self, Station};
-use crate::{drivers, files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library};
+use crate::{
+    area_check, drivers, files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library,
+};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -88,6 +90,7 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
     let handling = handling_check::blocks_of(&plugins);
     compiled.findings.extend(handling_check::findings(&compiled.program, &handling, station));
+    compiled.findings.extend(area_check::findings(&compiled.program, station));
     if let Some(file) = &station.retentive {
         compiled.findings.extend(retentive::not_kept(&compiled.program, file));
     }

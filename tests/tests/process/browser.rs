@@ -303,7 +303,8 @@ fn what_is_typed_stays_while_a_stream_is_refused() {
     browser.until("document.querySelectorAll('#values td.value').length === 1");
 }
 
-/// The browser stores tables under a name; they can be loaded again after leaving the page, and deleted.
+/// The station keeps tables under a name, for every browser; comments, completion and trends are there; they can be
+/// loaded by another browser, and deleted.
 #[test]
 fn tables_of_variables_are_kept() {
     let site = Site::new();
@@ -316,9 +317,27 @@ fn tables_of_variables_are_kept() {
     browser.fill("#field-name", "recipe");
     browser.click("dialog button[type=submit]");
     browser.until("document.querySelector('#tables').value === 'recipe'");
+    // A name is completed from the components of its data block; a comment stands beside it, and a curve.
+    browser.fill("#names", "MW 22 // speed");
+    browser.click("#table-watch");
+    browser.until("document.querySelector('#values td.comment')?.innerText === 'speed'");
+    browser.until("document.querySelector('#values svg.spark path')");
+    browser.click("#values button.plain");
+    browser.until("document.querySelector('#trends .legend')?.innerText.includes('MW 22: ')");
+    browser.fill("#add-name", "DB10.rec");
+    browser.until("[...document.querySelectorAll('#offered option')].some((one) => one.value === 'DB10.recipe')");
+    browser.fill("#add-name", "DB10.recipe");
+    browser.click("#table-add");
+    browser.until("document.querySelectorAll('#values td.value').length === 2");
     browser.fill("#names", "MW 22");
     browser.click("#table-watch");
     browser.until("document.querySelectorAll('#values td.value').length === 1");
+    let other = Browser::open(375);
+    other.go(&page);
+    other.until("document.querySelector('#tables')?.value === 'recipe'");
+    other.click("#table-load");
+    other.until("document.querySelector('#names').value === 'MW 20\\nDB10.recipe'");
+    drop(other);
     // After leaving and reopening the page, the table and the last names are still there.
     browser.go("about:blank");
     browser.go(&page);
@@ -333,6 +352,7 @@ fn tables_of_variables_are_kept() {
     );
     browser.until("document.querySelector('#values td.value')?.innerText === '16#0000'");
     browser.click("#table-remove");
+    browser.click("dialog button[type=submit]");
     browser.until("document.querySelector('#tables').value === ''");
     browser.go("about:blank");
     browser.go(&page);
@@ -387,6 +407,7 @@ fn soak_reports_are_shown() {
     browser.until("document.querySelector('#report')?.innerText.includes('stays in RUN')");
     let shown = browser.text("#report");
     assert!(shown.contains("browser-soak") && shown.contains("Verdict"), "{shown}");
+    assert!(shown.contains("Execution") && shown.contains("From cycle to cycle"), "its histograms\n{shown}");
     assert_eq!(browser.run("return document.documentElement.scrollWidth <= innerWidth"), true);
     browser.click("main li:nth-child(2) button");
     browser.until("document.querySelector('#said').innerText !== ''");

@@ -71,7 +71,7 @@ struct Wanted {
     command: String,
 }
 
-fn body<'b, T: Deserialize<'b>>(headers: Option<&HeaderMap>, bytes: &'b Bytes) -> Option<T> {
+pub(super) fn body<'b, T: Deserialize<'b>>(headers: Option<&HeaderMap>, bytes: &'b Bytes) -> Option<T> {
     // A form of another site cannot send this type.
     let json = headers.is_none_or(|headers| {
         headers.get("content-type").is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
@@ -89,7 +89,7 @@ fn add_cookie(reply: &mut Reply, name: &str, tls: bool, value: &str, age: Option
     }
 }
 
-fn wrong() -> Reply {
+pub(super) fn wrong() -> Reply {
     plain(StatusCode::BAD_REQUEST, "this is not a valid request")
 }
 

@@ -111,7 +111,7 @@ impl Insight {
         Ok(Self {
             set,
             names: Names::new(&program),
-            symbols: ob1_ladder::symbols(&program.symbols, set),
+            symbols: ob1_ladder::symbols(&program, set),
             all: CrossReference::new(Arc::new(program), &library),
             texts: sources.blocks,
             library,

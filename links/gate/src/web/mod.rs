@@ -11,6 +11,7 @@ mod reason;
 mod sessions;
 mod stack;
 mod stream;
+mod tables;
 mod taps;
 
 use std::future::Future;
@@ -25,7 +26,7 @@ use crate::http::{self, Call, Reply, Site, not_so, plain};
 use sessions::Sessions;
 
 /// Requests that change something; all others are read.
-const CHANGES: [&str; 4] = ["login", "logout", "write", "command"];
+const CHANGES: [&str; 5] = ["login", "logout", "write", "command", "tables"];
 
 /// A link of type `web`.
 pub(super) struct Page {
@@ -39,6 +40,7 @@ pub(super) struct Page {
     reports: Option<std::path::PathBuf>,
     /// The folder of the drivers' taps.
     taps: Option<std::path::PathBuf>,
+    tables: tables::Tables,
     /// The open event streams.
     streams: stream::Streams,
     /// The program as it is explained.
@@ -61,6 +63,7 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
         sessions: Sessions::of(&station.welcome().station, &station.welcome().link),
         reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
         taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
+        tables: tables::Tables(link.state.take().map(|folder| folder.join("tables.json"))),
         streams: stream::Streams::default(),
         insight: insight::Newest::default(),
         flows: flow::Flows::default(),
@@ -119,6 +122,8 @@ impl Page {
             ("drawing", true) => self.drawing(&call.query).await,
             ("reason", true) => self.reason(&call.query).await,
             ("reports", true) => self.reports(&call.query),
+            ("tables", true) => self.tables(),
+            ("tables", false) => self.keep_table(&client, &call.body),
             ("write", false) => self.write(&client, &call.body).await,
             ("command", false) => self.command(&client, &call.body).await,
             _ if reads && changes => not_so("POST"),

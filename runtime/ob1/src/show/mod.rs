@@ -127,7 +127,7 @@ impl Shown {
             Language::En => Mnemonics::International,
             Language::Auto => own_mnemonics(&side),
         };
-        let symbols = ob1_ladder::symbols(&side.program.symbols, mnemonics);
+        let symbols = ob1_ladder::symbols(&side.program, mnemonics);
         Self { side, symbols, mnemonics }
     }
 

@@ -95,11 +95,27 @@ pub(super) struct Keys {
     pub(super) entry: Entry,
     /// The chosen line of the variable table.
     pub(super) line: usize,
+    /// Whether the keys are explained.
+    pub(super) help: bool,
 }
+
+/// What the keys do.
+pub(super) const HELP: &str = "\
+1 to 7, Tab   another page
+4             the variable table: Up, Down choose; a adds, d drops, m modifies
+              NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status
+7             b names the block whose statements are shown
+q, Escape     end
+?             this; any key closes it
+
+Nothing is written before a question has been answered with y.";
 
 impl Keys {
     /// A key; `cells` are the names in the variable table.
     pub(super) fn press(&mut self, key: Key, cells: &[String]) -> Act {
+        if std::mem::take(&mut self.help) {
+            return Act::Nothing;
+        }
         match std::mem::take(&mut self.entry) {
             Entry::None => self.command(key, cells),
             Entry::Name(text) => self.named(typed(text, key), Entry::Name, Act::Watch),
@@ -135,6 +151,7 @@ impl Keys {
         match key {
             Key::Char('q') | Key::Escape => return Act::Quit,
             Key::Tab => self.tab = self.tab.next(),
+            Key::Char('?') => self.help = true,
             Key::Char(digit @ '1'..='7') => {
                 self.tab = Tab::ALL.get(digit as usize - '1' as usize).map_or(self.tab, |(tab, _)| *tab);
             }
@@ -162,10 +179,10 @@ impl Keys {
     pub(super) fn prompt(&self) -> String {
         match &self.entry {
             Entry::None if self.tab == Tab::Variables => {
-                "q quit  1-7 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
+                "q quit  ? help  1-7 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
             }
-            Entry::None if self.tab == Tab::Program => "q quit  1-7 or Tab another page  b block".into(),
-            Entry::None => "q quit  1-7 or Tab another page".into(),
+            Entry::None if self.tab == Tab::Program => "q quit  ? help  1-7 or Tab another page  b block".into(),
+            Entry::None => "q quit  ? help  1-7 or Tab another page".into(),
             Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status): {text}_"),
             Entry::Block(text) => format!("block (OB 1, FC 5, FB 20, or its name): {text}_"),
             Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use ob1_params::CpKind;
 
 use super::data::{Data, counter, rows};
+use crate::ctl::last_stop;
 use crate::diag;
 use crate::units::time;
 use ob1_station::access::protocol::ModuleStatus;
@@ -13,24 +14,58 @@ use ob1_station::view::EVENTS_LOST;
 /// Entries of each diagnostic buffer.
 const NEWEST: usize = 3;
 
-/// The state of the station in a line, as at the head of the screen.
+/// The state of the station in two lines of 80 columns, as at the head of the screen.
 pub(super) fn head(data: &Data) -> String {
     let (s, t) = (&data.now.status, &data.now.timing);
     let rate = data.scan_rate().map_or_else(String::new, |rate| format!(" ({rate:.0}/s)"));
+    let since = time(s.runtime_ns as f64);
     format!(
-        "{}  {}  process {}  {}  scans {}{rate}  late {}  overruns {}  missed {}  watchdog {}  memory {} KiB  engine {}",
+        "{}  {}  process {}  {since}  memory {} KiB  engine {}\nscans {}{rate}  late {}  overruns {}  missed {}  watchdog {}",
         s.station,
         s.state,
         s.pid,
-        time(s.runtime_ns as f64),
+        s.memory.resident_kib,
+        s.engine,
         t.scans,
         t.late.scans,
         t.overruns,
         t.missed,
-        t.watchdogs,
-        s.memory.resident_kib,
-        s.engine
+        t.watchdogs
     )
+}
+
+/// What somebody who is called to the machine asks first: the last STOP, what does not answer, which CP has an error,
+/// the cycle, what is forced.
+pub(super) fn first(data: &Data) -> String {
+    let (s, entries) = (&data.now.status, &data.now.diagnostics);
+    let mut out = String::new();
+    match last_stop(entries) {
+        None => out.push_str("no STOP in the diagnostic buffer\n"),
+        Some(stop) => {
+            let when = if stop.over { "last STOP" } else { "STOP" };
+            let _ = writeln!(out, "{when}: {}  {}", diag::date(stop.told.unix_ns), stop.told.told());
+            if !stop.told.remedy.is_empty() {
+                let _ = writeln!(out, "  = {}", stop.told.remedy);
+            }
+        }
+    }
+    let names = |of: &dyn Fn(&&ModuleStatus) -> bool| -> Vec<&str> {
+        s.modules.iter().filter(of).map(|m| m.name.as_str()).collect()
+    };
+    let (absent, wrong) = (names(&|m| !m.present), names(&|m| m.reason.is_some()));
+    let all = s.modules.len();
+    let _ = write!(out, "modules: {} of {all} answer", all - absent.len());
+    for (what, names) in [("absent", absent), ("CPs with an error", wrong)] {
+        if !names.is_empty() {
+            let _ = write!(out, "; {what}: {}", names.join(", "));
+        }
+    }
+    let (typical, longest) = (time(s.cycle.p50_ns as f64), time(s.cycle.max_ns as f64));
+    let _ = writeln!(out, "\ncycle: {typical}, longest {longest}");
+    if !s.forced.is_empty() {
+        let _ = writeln!(out, "forced: {}", s.forced.join(", "));
+    }
+    out
 }
 
 /// The table of times: since the last reset, and since the reading before.
@@ -126,14 +161,9 @@ pub(super) fn values(data: &Data) -> Vec<String> {
     data.now.values.iter().map(line).collect()
 }
 
-/// An entry of the diagnostic buffer.
-pub(super) fn diagnostic(entry: &ob1_station::access::protocol::Diagnostic) -> String {
-    format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.told())
-}
-
 /// The whole look.
 pub(super) fn text(data: &Data) -> String {
-    let mut out = format!("{}\n{}", head(data), times(data));
+    let mut out = format!("{}\n{}{}", head(data), first(data), times(data));
     out += &ob1_station::timing::text::late(&data.now.timing.late);
     for (number, m) in data.now.status.modules.iter().enumerate() {
         let _ = writeln!(out, "{}", module(data, number, m));
@@ -143,12 +173,10 @@ pub(super) fn text(data: &Data) -> String {
     for line in values(data) {
         let _ = writeln!(out, "{line}");
     }
-    for entry in data.now.diagnostics.iter().take(NEWEST) {
-        let _ = writeln!(out, "{}", diagnostic(entry));
-    }
     let mut buffers = data.now.cp_buffers.clone();
     buffers.iter_mut().for_each(|buffer| buffer.entries.truncate(NEWEST));
-    out + &diag::text(None, &buffers)
+    let newest = data.now.diagnostics.iter().take(NEWEST).cloned().collect::<Vec<_>>();
+    out + &diag::text(Some(&newest), &buffers)
 }
 
 #[cfg(test)]
@@ -164,6 +192,8 @@ mod tests {
         let text = text(&data);
         for part in [
             "press  RUN  process 42",
+            "modules: ",
+            "cycle: ",
             "scans 12000 (1000/s)",
             "engine native",
             "wake-up                  12000    20.0 µs",

@@ -4,10 +4,10 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Text};
-use ratatui::widgets::{Bar, BarChart, BarGroup, Block, Borders, Paragraph, Tabs};
+use ratatui::widgets::{Bar, BarChart, BarGroup, Block, Borders, Clear, Paragraph, Tabs, Wrap};
 
 use super::data::{Data, bins};
-use super::keys::{Keys, Tab};
+use super::keys::{HELP, Keys, Tab};
 use super::plain;
 use crate::units::time;
 use ob1_station::timing::Timing;
@@ -39,6 +39,11 @@ pub(super) fn draw(frame: &mut Frame<'_>, data: &Data, keys: &Keys, note: &str) 
         Tab::Connections => connections(frame, page, data),
         Tab::Program => program(frame, page, data),
     }
+    if keys.help {
+        let help = Paragraph::new(HELP).block(Block::new().borders(Borders::ALL).title("keys"));
+        frame.render_widget(Clear, page);
+        frame.render_widget(help, page);
+    }
     let last = if note.is_empty() { keys.prompt() } else { note.to_owned() };
     frame.render_widget(Paragraph::new(last).style(Style::new().add_modifier(Modifier::REVERSED)), prompt);
 }
@@ -51,9 +56,16 @@ fn scan(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     let times = plain::times(data);
     let late = ob1_station::timing::text::late(&data.now.timing.late);
     let height = |text: &str| text.lines().count() as u16 + 1;
-    let rows =
-        Layout::vertical([Constraint::Length(height(&times)), Constraint::Min(8), Constraint::Max(height(&late))]);
-    let [table, histograms, classes] = rows.areas(area);
+    let first = plain::first(data);
+    let room = first.lines().map(|line| line.chars().count() as u16 / area.width.max(1) + 1).sum();
+    let rows = [
+        Constraint::Length(room),
+        Constraint::Length(height(&times)),
+        Constraint::Min(8),
+        Constraint::Max(height(&late)),
+    ];
+    let [asked, table, histograms, classes] = Layout::vertical(rows).areas(area);
+    frame.render_widget(Paragraph::new(first).wrap(Wrap { trim: false }), asked);
     let title = "times since the last reset, and since the reading before";
     frame.render_widget(Paragraph::new(times).block(titled(title)), table);
     let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(histograms);
@@ -90,15 +102,9 @@ fn cps(frame: &mut Frame<'_>, area: Rect, data: &Data) {
 }
 
 fn diagnostics(frame: &mut Frame<'_>, area: Rect, data: &Data) {
-    let lines: Vec<Line<'_>> = data.now.diagnostics.iter().map(|entry| Line::from(plain::diagnostic(entry))).collect();
-    let buffers = Paragraph::new(lines).block(titled("diagnostic buffer, newest first"));
-    if data.now.cp_buffers.is_empty() {
-        return frame.render_widget(buffers, area);
-    }
-    let [cpu, cps] = Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
-    frame.render_widget(buffers, cpu);
-    let text = crate::diag::text(None, &data.now.cp_buffers);
-    frame.render_widget(Paragraph::new(text).block(titled("of the CPs, newest first")), cps);
+    let text = crate::diag::text(Some(&data.now.diagnostics), &data.now.cp_buffers);
+    let folded = Paragraph::new(text).wrap(Wrap { trim: false });
+    frame.render_widget(folded.block(titled("diagnostic buffers, newest first")), area);
 }
 
 fn buses(frame: &mut Frame<'_>, area: Rect, data: &Data) {
@@ -153,7 +159,7 @@ mod tests {
         data.program = "FB 20 in OB 1, 0.5 s\n".to_owned();
         let mut keys = Keys::default();
         for (key, parts) in [
-            ('1', &["press  RUN", "execution, newest look", "FC 0 SEND", "2000", "kernel"][..]),
+            ('1', &["press  RUN", "modules: ", "execution, newest look", "FC 0 SEND", "2000", "kernel"][..]),
             ('2', &["*PW .ER *TxD", "orders 121 open 1", "telegram ABC"]),
             ('3', &["4302h: RUN"]),
             ('6', &["panel", "10.0.0.7:50000", "PDU  480", "page             down"]),
@@ -167,6 +173,13 @@ mod tests {
                 assert!(screen.contains(part), "page {key}: {part}\n{screen}");
             }
         }
+        keys.press(Key::Char('?'), &[]);
+        assert!(shown(&data, &keys, 80, 24).contains("any key closes it"));
+        keys.press(Key::Char('q'), &[]);
+        assert!(!shown(&data, &keys, 80, 24).contains("any key closes it"));
+        // All of the head is seen on the narrowest terminal that people use.
+        let narrow = shown(&data, &keys, 80, 24);
+        assert!(narrow.contains("engine native") && narrow.contains("watchdog 0"), "{narrow}");
         keys.entry = Entry::Confirm { cell: "MW10".into(), value: "7".into() };
         assert!(shown(&data, &keys, 100, 30).contains("write MW10 = 7 into the running CPU?"));
     }

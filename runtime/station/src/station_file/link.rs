@@ -171,7 +171,7 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
             config.insert("program".into(), json!(allowed.has_program()));
         }
         config.entry("audit").or_insert_with(|| json!(audit));
-        if matches!(kind, OpcUa | Mqtt) {
+        if matches!(kind, OpcUa | Mqtt | Web) {
             config.insert("state".into(), json!(absolute(state, &format!("{station}.gate"))));
         }
     }

@@ -1,4 +1,5 @@
-//! A timer that is started with a TIME: its bits are no BCD number, or that of another time.
+//! Constants that are legal here, and another thing than meant: a TIME for a timer, whose bits are no BCD number or that
+//! of another time; a long number without `L#`, which STEP 7 refuses.
 
 use ob1_ir::Op;
 
@@ -23,6 +24,21 @@ pub(crate) fn started_with_a_time(i: &Inspected<'_>, file: &File<'_>, sink: &mut
             let message = format!("T#{shown} is no S5TIME, which the timer takes");
             let remedy = format!("Write S5T#{shown}; TIME is for SFB 3 to 5.");
             sink.report_with(i.block.file, i.span(at), &codes::TIME_FOR_TIMER, message, remedy);
+        }
+    }
+}
+
+/// Reports `L 70000`.
+pub(crate) fn long_without_sign(i: &Inspected<'_>, file: &File<'_>, sink: &mut Sink) {
+    for (at, stmt) in i.code.iter().enumerate() {
+        let Op::LoadConst(value) = stmt.op else { continue };
+        let tokens = i.block.statements.get(at).and_then(|s| file.tokens.get(s.operand.clone())).unwrap_or_default();
+        let number = tokens.iter().find(|token| token.kind == Kind::Number).map(|token| file.of(*token));
+        let is_whole = number.is_some_and(|text| text.bytes().all(|byte| byte.is_ascii_digit()));
+        let value = value as i32;
+        if is_whole && i16::try_from(value).is_err() {
+            let message = format!("{value} is no INT");
+            sink.report_with(i.block.file, i.span(at), &codes::LONG_CONSTANT, message, format!("Write L#{value}."));
         }
     }
 }
