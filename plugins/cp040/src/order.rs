@@ -101,7 +101,7 @@ pub(crate) struct Told {
     pub(crate) status: Static<Word>,
     /// DB_NO and DBB_NO then.
     pub(crate) place: Static<DWord>,
-    /// As in [`Orders`].
+    /// Since when the module does not answer, as in [`Orders`].
     pub(crate) since: Static<DWord>,
 }
 

@@ -2,7 +2,7 @@
 
 use ob1_words::slio::Failure;
 
-/// No error.
+/// No error, and no job runs.
 pub(crate) const NONE: u16 = 0x0000;
 /// A job runs; no error.
 pub(crate) const RUNNING: u16 = 0x8181;

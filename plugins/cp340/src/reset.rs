@@ -38,7 +38,6 @@ interface! {
     }
 }
 
-/// FB 12.
 pub(crate) struct Reset;
 
 impl Block for Reset {

@@ -44,7 +44,6 @@ interface! {
 
 const SHARED: Params = ob1_ptp::receive_params!(rcv);
 
-/// FB 7.
 pub(crate) struct ReceiveRk;
 
 impl Block for ReceiveRk {

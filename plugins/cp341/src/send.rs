@@ -79,7 +79,6 @@ impl Job for SendRk {
     }
 }
 
-/// FB 8.
 pub(crate) struct SendRk;
 
 impl Block for SendRk {

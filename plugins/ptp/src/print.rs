@@ -39,7 +39,7 @@ interface! {
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// Pointer data block.
+        /// Number of the pointer data block.
         in     DB_NO: Int;
         /// First byte of the pointers in it, 0 to 8162.
         in     DBB_NO: Int;

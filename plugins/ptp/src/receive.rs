@@ -26,7 +26,7 @@ pub(crate) enum Phase {
     Off,
     /// The start-up coordination has been requested.
     Starting,
-    /// EN_R = 0.
+    /// EN_R = 0: nothing is accepted.
     Rest,
     /// Waits for a telegram or a job of the partner.
     Waiting,
@@ -72,7 +72,7 @@ pub(crate) struct Memory {
     absent_since: Option<u32>,
     pub(crate) start: u16,
     pub(crate) job: u16,
-    /// Next piece.
+    /// Number of the next piece, as the CP counts.
     pub(crate) piece: u16,
     pub(crate) len: u16,
     /// Area letter of the header; 0: a telegram without one.
@@ -193,7 +193,7 @@ macro_rules! receive_params {
 /// The received telegram or job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// Length in bytes.
+    /// Length of the telegram or job in bytes.
     pub len: u16,
     /// Area letter of the header; 0: a telegram without one.
     pub letter: u8,
@@ -209,7 +209,7 @@ pub struct Received {
 /// for this call only. [reference 1.5]
 ///
 /// # Errors
-/// The call ends.
+/// [`Abort`] of a host function: the call ends at once.
 pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Received>, Abort> {
     let end = job(cx, params)?;
     let status = end.and_then(Result::err).unwrap_or(0);

@@ -78,7 +78,7 @@ pub(crate) struct Memory {
     absent_since: Option<u32>,
     pub(crate) start: u16,
     pub(crate) job: u16,
-    /// Next piece.
+    /// Number of the next piece for the CP.
     pub(crate) piece: u16,
     data: Data,
 }
@@ -223,25 +223,25 @@ macro_rules! send_params {
 
 /// The part in which the blocks differ.
 pub trait Job {
-    /// The parameters.
+    /// Where the block has the parameters that all of them share.
     const PARAMS: Params;
 
     /// Checks the parameters at the edge of REQ; with an inner error the job ends at once with this STATUS.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
     /// The location and length of the data of a job that starts now.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort>;
 
     /// The job for the CP; its length comes from [`begin`](Self::begin).
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn order(cx: &mut Cx<'_, CpState>) -> Result<ob1_words::channels::Job, Abort>;
 
     /// Whether the CPU passes data with the job.
@@ -252,7 +252,7 @@ pub trait Job {
     /// Reads a piece of the data that begins at byte `from`.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn read(cx: &mut Cx<'_, CpState>, data: Data, from: u16, into: &mut [u8]) -> Result<Result<(), u16>, Abort> {
         let at = u32::from(data.byte) + u32::from(from);
         match cx.read(Area::Db(data.db), at, into)? {
@@ -265,11 +265,11 @@ pub trait Job {
 /// The parameters that say where the data of a job are: DB_NO, DBB_NO and LEN.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// DB_NO.
+    /// DB_NO: number of the data block.
     pub db_no: Formal<Int, In>,
-    /// DBB_NO.
+    /// DBB_NO: first byte in it.
     pub dbb_no: Formal<Int, In>,
-    /// LEN, bytes.
+    /// LEN: bytes to send; 1 to `longest` is possible.
     pub len: Formal<Int, In>,
     /// The longest LEN that the CP takes.
     pub longest: i16,
@@ -279,7 +279,7 @@ impl Source {
     /// Whether LEN is possible; the STATUS if it is not.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     pub fn check(&self, cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         let is_possible = (1..=self.longest).contains(&cx.get(self.len)?);
         Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
@@ -288,7 +288,7 @@ impl Source {
     /// What the parameters say now.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     pub fn data(&self, cx: &mut Cx<'_, CpState>) -> Result<Data, Abort> {
         let (db, byte) = (cx.get(self.db_no)? as u16, cx.get(self.dbb_no)? as u16);
         Ok(Data { db, byte, len: cx.get(self.len)? as u16 })
@@ -298,11 +298,11 @@ impl Source {
 /// Location and length of the data of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Data {
-    /// Data block.
+    /// Number of the data block.
     pub db: u16,
     /// First byte in it.
     pub byte: u16,
-    /// Length in bytes.
+    /// Length of the data in bytes.
     pub len: u16,
 }
 
@@ -310,7 +310,7 @@ pub struct Data {
 /// only. SFCERR and the state between two calls are in the instance. [reference 1.2]
 ///
 /// # Errors
-/// The call ends.
+/// [`Abort`] of a host function: the call ends at once.
 pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
     let end = job::<J>(cx)?;
     cx.set(J::PARAMS.done, end == Some(Ok(())))?;

@@ -34,12 +34,12 @@ impl Origin {
     }
 }
 
-/// One number.
+/// An event number with what is to be said about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// Class (high byte) and number (low byte).
     pub number: u16,
-    /// What has happened.
+    /// What has happened, as a sentence without its number.
     pub text: &'static str,
     /// The remedy; empty for mere information.
     pub remedy: &'static str,
