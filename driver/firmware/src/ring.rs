@@ -17,7 +17,7 @@ pub const TELEGRAMS_MAX: usize = 250;
 /// Places beside the telegrams, for what a CP 040 tells of the ones that it could not receive.
 pub(crate) const ERRORS_MAX: usize = 8;
 
-/// Places.
+/// Places for lengths: one for each telegram, and those for errors.
 const PLACES: usize = TELEGRAMS_MAX + ERRORS_MAX;
 
 /// In a length: more of the telegram follows, or the rest of it is lost.
@@ -75,7 +75,7 @@ pub(crate) struct Ring<const BYTES: usize = BYTES_MAX> {
     bytes: [u8; BYTES],
     /// Begin of the oldest telegram.
     head: usize,
-    /// Bytes in use.
+    /// Bytes in use, from `head` on.
     used: usize,
     /// Length of each telegram or part, with [`MORE`] and [`BROKEN`].
     lengths: [u16; PLACES],
@@ -105,7 +105,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         self.capacity = capacity;
     }
 
-    /// Telegrams waiting.
+    /// Number of telegrams that wait for the CPU.
     pub(crate) const fn telegrams(&self) -> usize {
         self.telegrams
     }
@@ -178,7 +178,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         (self.telegrams > 0).then(|| usize::from(self.lengths[self.first] & !(MORE | BROKEN)))
     }
 
-    /// What follows it.
+    /// What follows the oldest part: the rest of its telegram, nothing, or its loss.
     pub(crate) const fn oldest_part(&self) -> Part {
         match self.lengths[self.first] & (MORE | BROKEN) {
             0 => Part::Last,

@@ -26,10 +26,10 @@ const FRAME: &[Key341] = &[
     CHARACTER[2],
 ];
 
-/// [reference 5.2]
+/// Keys of 3964 and 3964R: ZVZ, QVZ, attempts, priority.
 const S3964: &[Key341] = &[zvz_of_3964(20), qvz(20), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
 
-/// [reference 4.7]
+/// Key that RK 512 adds to those of 3964(R).
 const RK512: &[Key341] =
     &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
 
@@ -59,7 +59,7 @@ pub fn protocols_of(kind: CpKind) -> Protocols {
 pub struct Cp341 {
     /// Which of the two it is.
     pub kind: CpKind,
-    /// The line settings.
+    /// The character frame, and the flow control of the driver.
     pub line: LineSettings,
     /// The protocol and its parameters.
     pub protocol: Protocol341,
@@ -70,13 +70,13 @@ pub struct Cp341 {
 /// Protocol and its own parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Protocol341 {
-    /// Bare characters.
+    /// Bare characters: the ASCII driver.
     Ascii(AsciiOf341),
     /// 3964 and 3964R, with or without RK 512 on top.
     S3964(S3964Of341),
     /// Loadable driver: Modbus ASCII master, 32-bit registers.
     ModbusMaster32(ModbusMaster32),
-    /// Printer driver.
+    /// Printer driver: output only.
     Printer(Box<Printer>),
 }
 
@@ -87,15 +87,15 @@ pub struct S3964Of341 {
     pub bcc: bool,
     /// With RK 512 on top.
     pub rk512: bool,
-    /// ZVZ.
+    /// ZVZ, longest pause between two characters of a telegram.
     pub zvz_ms: u32,
-    /// QVZ.
+    /// QVZ, longest wait for the partner's acknowledgement.
     pub qvz_ms: u32,
     /// Attempts to get a connection, the first included.
     pub connect_attempts: u16,
     /// Attempts to get a telegram through, the first included.
     pub block_attempts: u16,
-    /// Who goes first.
+    /// Who goes first when both begin at the same time.
     pub priority: Priority,
     /// RK 512: the wait for the response depends on the baud rate, instead of 20 s.
     pub reaction_by_baud: bool,
@@ -115,7 +115,7 @@ impl Cp341 {
     /// The same for a type of this family.
     ///
     /// # Errors
-    /// As [`Cp341::from_keys`].
+    /// A key or a value that this type does not have, as [`Cp341::from_keys`] names it.
     pub fn of_kind<'a>(kind: CpKind, given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let given: Vec<(&str, Value)> = given.into_iter().collect();
         let (protocol, tables) = protocol_of(&given, protocols_of(kind), |row| row.0, None)?;

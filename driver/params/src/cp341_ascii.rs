@@ -4,7 +4,7 @@ use crate::error::ParamError;
 use crate::keyed::{CLEAR, Key341, Reader, choice, error, number};
 use crate::record::Value;
 
-/// Its name.
+/// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "ascii";
 
 /// End criterion, as in the key.
@@ -15,7 +15,7 @@ const LENGTH: &str = "length";
 /// Default ZVZ, milliseconds, up to this baud rate; 2 ms above. [reference 6.2]
 const ZVZ_BY_BAUD: [(i64, i64); 6] = [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4)];
 
-/// XON and XOFF.
+/// XON and XOFF, which cannot be end characters with that flow control.
 const FLOW_CHARACTERS: [i64; 2] = [0x11, 0x13];
 
 /// What ends a telegram. [reference 6.1]
@@ -60,7 +60,7 @@ pub(crate) const DRIVER: &[Key341] = &[
         .only_with("rs232_signals", "yes"),
 ];
 
-/// [reference 6.4]
+/// Keys of the flow control: by whom, and how long a job waits.
 pub(crate) const FLOW: &[Key341] = &[
     choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
     number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
@@ -69,7 +69,7 @@ pub(crate) const FLOW: &[Key341] = &[
 /// Parameters of ASCII. Times in milliseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AsciiOf341 {
-    /// ZVZ.
+    /// ZVZ, the pause that ends a telegram.
     pub zvz_ms: u32,
     /// What ends a telegram.
     pub end: EndOf341,
@@ -90,13 +90,13 @@ pub struct AsciiOf341 {
 /// What ends a telegram of ASCII. [reference 6.1]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndOf341 {
-    /// ZVZ.
+    /// A pause of ZVZ.
     Silence,
-    /// End characters.
+    /// One or two end characters.
     Characters {
         /// The characters; only the first `count` of them are used.
         characters: [u8; 2],
-        /// 1 or 2.
+        /// How many of them count, 1 or 2.
         count: u8,
         /// How they affect a telegram that is sent.
         sending: SendingOf341,
@@ -110,7 +110,7 @@ pub enum EndOf341 {
 pub enum SendingOf341 {
     /// Up to and including the end characters.
     Through,
-    /// All.
+    /// All LEN bytes, whatever they are.
     Whole,
     /// All, followed by the end characters.
     Appended,

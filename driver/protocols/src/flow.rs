@@ -2,9 +2,9 @@
 
 use crate::machine::{Instant, Sink, Span};
 
-/// Resumes. [S0 L2010]
+/// XON: the partner may send again. [S0 L2010]
 pub const XON: u8 = 0x11;
-/// Stops. [S0 L2010]
+/// XOFF: the partner must stop. [S0 L2010]
 pub const XOFF: u8 = 0x13;
 
 pub use ob1_serial::Flow;

@@ -4,10 +4,10 @@ pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span, Wire};
 
 use crate::modbus::failure::Failure;
 
-/// One millisecond.
+/// The span of one millisecond.
 pub const MS: Span = Span::MILLISECOND;
 
-/// One second.
+/// The span of one second.
 pub const SECOND: Span = Span::SECOND;
 
 /// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
@@ -138,7 +138,7 @@ pub enum SendError {
     NoEnd,
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,
-    /// Dropped by [`Order::Abort`].
+    /// Dropped by the owner with [`Order::Abort`].
     Aborted,
     /// Another order is running; this one was not taken.
     Busy,
@@ -174,7 +174,7 @@ impl From<Failure> for SendError {
 pub struct Event {
     /// What the machine was doing.
     pub phase: Phase,
-    /// What happened.
+    /// What happened while it did.
     pub what: What,
 }
 
@@ -219,7 +219,7 @@ pub enum What {
     BadCheck {
         /// Computed from what came in.
         computed: u8,
-        /// Received.
+        /// The block check character that came in.
         received: u8,
     },
     /// No receive buffer is free, or the telegram is longer than what is free of it.
@@ -236,7 +236,7 @@ pub enum What {
     NoRepetition,
     /// The partner repeats a telegram more often than permitted (CP 341).
     OneMoreRepetition,
-    /// A line fault.
+    /// A fault of the line itself.
     Line(LineFault),
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,

@@ -17,7 +17,7 @@ pub struct Flags {
 }
 
 impl Flags {
-    /// No characters.
+    /// No start or end characters.
     pub const NONE: Self = Self { characters: [0; 2], count: 0 };
 
     /// The first `count` (0..2) of the characters; the others are ignored. [S0 L2018]

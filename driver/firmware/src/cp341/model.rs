@@ -8,7 +8,7 @@ pub(crate) const JOB_MAX: usize = 4096;
 /// Longest job, and longest telegram, of a CP 340. [CP 340 manual 04/2011, p. 67]
 pub(crate) const JOB_MAX_340: usize = 1024;
 
-/// A row.
+/// What one type of the family has of its own.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) kind: CpKind,

@@ -16,9 +16,9 @@ use crate::printer::Printer;
 use crate::protocol::{priority, stopped_by};
 use crate::reason::Reason;
 
-/// The running protocol.
+/// The protocol that the parameters have chosen, running.
 pub(crate) enum Protocol {
-    /// No valid parameters.
+    /// No valid parameters: nothing is sent or received.
     None,
     Plain(Plain),
     /// Output only: the input is XON and XOFF, or nothing.
@@ -199,11 +199,11 @@ impl Protocol {
         printer.print(job).map(|printout| (printout.bytes, printout.fault.map(|fault| fault as u16)))
     }
 
-    /// Drops everything.
+    /// Drops the running order and what has been received of a telegram.
     pub(crate) const ABORT: Input<'static> = Input::Order(Order::Abort);
 }
 
-/// [reference 6]
+/// The configuration of the ASCII machine: what the parameters of `docs/cp341.md` mean to it.
 fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::Config {
     let zvz = u64::from(p.zvz_ms) * MS;
     let criterion = match p.end {

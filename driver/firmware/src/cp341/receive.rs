@@ -10,7 +10,7 @@ enum Phase {
     Off,
     /// EN_R = 0: nothing is taken.
     Rest,
-    /// The block waits.
+    /// The block waits for an offer.
     Ready,
     /// Its header is shown.
     Offered,
@@ -32,7 +32,7 @@ enum Phase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Offer {
     pub(crate) kind: Kind,
-    /// Bytes.
+    /// Length of the data in bytes.
     pub(crate) len: usize,
     /// Letter of the area; 0: none.
     pub(crate) l_typ: u8,

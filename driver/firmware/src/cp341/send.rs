@@ -48,7 +48,6 @@ pub(crate) struct SendChannel {
     phase: Phase,
     start: u16,
     number: u16,
-    /// Jobs so far.
     jobs: u32,
     job: Job,
     data: Box<[u8; JOB_MAX]>,

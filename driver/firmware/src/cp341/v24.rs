@@ -29,7 +29,7 @@ impl V24 {
         Self { lines: None, rts: false, dtr: false, shown: 0, due: None, reset: 0, reset_shown: 0 }
     }
 
-    /// Both outputs OFF.
+    /// Switches RTS and DTR OFF.
     pub(crate) fn off(&mut self, port: &mut dyn CpPort) {
         (self.rts, self.dtr) = (false, false);
         port.rts(false);

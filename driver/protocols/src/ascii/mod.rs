@@ -27,18 +27,18 @@ pub const FRAGMENT: usize = 12;
 /// What ends a received telegram. [reference 6.1]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Criterion {
-    /// ZVZ.
+    /// A silence of ZVZ.
     Silence,
     /// ZVZ; each 12 bytes are passed on as they come, the rest with the end. [S0 "ASCII-fragmented"]
     Fragments,
     /// One or two end characters; they belong to the telegram.
     Characters {
-        /// The characters.
+        /// The end characters, one or two.
         end: Flags,
         /// How they affect a telegram that is sent.
         sending: Sending,
     },
-    /// This many characters.
+    /// This number of characters.
     Length(usize),
 }
 
@@ -47,7 +47,7 @@ pub enum Criterion {
 pub enum Sending {
     /// Everything up to and including the first end characters; without them the order fails.
     Through,
-    /// Everything.
+    /// Everything, whatever it contains.
     Whole,
     /// Everything, followed by the end characters; the order fails when the buffer does not hold both.
     Appended,
@@ -58,7 +58,7 @@ pub enum Sending {
 pub struct Config {
     /// What ends a telegram.
     pub criterion: Criterion,
-    /// Flow control.
+    /// Who may stop the sender, and how.
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
     pub zna: Span,
@@ -130,7 +130,7 @@ impl<const N: usize> Ascii<N> {
         Self { config, line }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }

@@ -5,7 +5,7 @@ use super::event::{BadReaction, Event, OrderError, code};
 use super::{Command, Owner, Request, Rk512};
 use crate::machine::{Instant, SendError};
 
-/// An own order.
+/// An own order that is running.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     request: Request,

@@ -46,24 +46,24 @@ pub enum Command {
 /// The area of the data in the serving station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Area {
-    /// Data block.
+    /// Data block DB; counts in words.
     Db,
-    /// Extended data block.
+    /// Extended data block DX; counts in words.
     Dx,
-    /// Inputs.
+    /// Inputs E; count in bytes.
     Inputs,
-    /// Outputs.
+    /// Outputs A; count in bytes.
     Outputs,
-    /// Bit memory.
+    /// Bit memory M; counts in bytes.
     Memory,
-    /// Counters.
+    /// Counters Z; two bytes each.
     Counters,
-    /// Timers.
+    /// Timers T; two bytes each.
     Timers,
 }
 
 impl Area {
-    /// All of them.
+    /// All areas, each once.
     pub const ALL: [Self; 7] =
         [Self::Db, Self::Dx, Self::Inputs, Self::Outputs, Self::Memory, Self::Counters, Self::Timers];
 
@@ -151,7 +151,7 @@ pub struct BadFlag;
 /// An order as in its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// SEND or FETCH.
+    /// SEND (data to the partner) or FETCH (data from it).
     pub command: Command,
     /// The area: with SEND [`Area::Db`] or [`Area::Dx`].
     pub area: Area,
@@ -166,7 +166,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Length in bytes.
+    /// Length of the whole order in bytes.
     pub const fn bytes(&self) -> usize {
         self.length as usize * self.area.unit()
     }
@@ -236,21 +236,21 @@ pub enum Malformed {
     AreaLetter,
 }
 
-/// A parsed telegram.
+/// A telegram whose header is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram<'a> {
     /// The first telegram of an order, with its part of the data.
     Order(Request, &'a [u8]),
     /// A follow-on telegram of an order.
     Follow {
-        /// SEND or FETCH.
+        /// SEND or FETCH, as in its first telegram.
         command: Command,
-        /// Area.
+        /// Area, as in its first telegram.
         area: Area,
         /// Its part of the data.
         data: &'a [u8],
     },
-    /// A reaction.
+    /// A reaction: the answer to a telegram of an order.
     Reaction {
         /// To a follow-on telegram.
         follow: bool,
@@ -264,7 +264,7 @@ pub enum Telegram<'a> {
 /// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [reference 4.5]
 ///
 /// # Errors
-/// [`Malformed`].
+/// What is [`Malformed`]: too short for a header, or a byte that no header has.
 pub fn parse(telegram: &[u8]) -> Result<Telegram<'_>, Malformed> {
     let Some((&[first, second, third, fourth], rest)) = telegram.split_first_chunk::<SHORT>() else {
         return Err(Malformed::Short);

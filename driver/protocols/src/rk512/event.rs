@@ -5,7 +5,7 @@ use crate::machine::{self, SendError};
 
 /// Error numbers of a reaction (REATEL). [reference 4.6]
 pub mod code {
-    /// All is well.
+    /// All is well: the order goes on or has ended.
     pub const OK: u8 = 0x00;
     /// The area cannot be accessed.
     pub const NO_ACCESS: u8 = 0x0A;
@@ -44,7 +44,7 @@ pub enum Refusal {
     FollowArea,
     /// DB number not allowed.
     DbNumber,
-    /// Length 0.
+    /// The header says length 0.
     Length,
     /// Longer than the CP's buffer.
     TooLong,
@@ -57,7 +57,7 @@ pub enum Refusal {
     /// Follow-on telegram of a SEND whose data do not match the announced length: fewer or more than are missing, none,
     /// or more than 128 bytes.
     FollowLength,
-    /// FETCH with data.
+    /// A FETCH brings data.
     FetchData,
     /// No program takes it: the CPU is in STOP, or does not answer in time.
     Mode,
@@ -68,7 +68,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// All of them.
+    /// All refusals, each once.
     pub const ALL: [Self; 16] = [
         Self::FirstByte,
         Self::Command,
@@ -175,7 +175,7 @@ pub enum OrderError {
     TooLong,
     /// Without data, or its data do not match its header; nothing was sent.
     Invalid,
-    /// Dropped by [`Order::Abort`](super::Order::Abort).
+    /// Dropped by the owner with [`Order::Abort`](super::Order::Abort).
     Aborted,
     /// Another order is running; this one was not taken.
     Busy,
@@ -240,11 +240,11 @@ pub enum AnswerError {
     Abandoned,
     /// The reaction could not be sent.
     Line(SendError),
-    /// Dropped by [`Order::Abort`](super::Order::Abort).
+    /// Dropped by the owner with [`Order::Abort`](super::Order::Abort).
     Aborted,
 }
 
-/// An occurrence.
+/// An occurrence, for the diagnostic buffer and STATUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// An occurrence of the 3964(R) below.

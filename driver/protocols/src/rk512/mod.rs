@@ -43,7 +43,7 @@ use passive::{Partner, Reply};
 /// error number instead of NAK.
 const LINE: usize = 256;
 
-/// What happened.
+/// What happened: characters, a signal, a time or an order.
 pub type Input<'a> = machine::Input<'a, Order<'a>>;
 
 /// An order of the CPU.
@@ -136,7 +136,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }

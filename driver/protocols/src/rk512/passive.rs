@@ -54,7 +54,7 @@ impl Partner {
     }
 }
 
-/// A reaction.
+/// A reaction that is still to be sent, or on its way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reply {
     follow: bool,

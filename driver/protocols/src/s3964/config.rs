@@ -92,7 +92,7 @@ impl Config {
         }
     }
 
-    /// ZVZ in force.
+    /// ZVZ in force: 0 stands for two character times.
     pub(super) fn zvz(&self) -> Span {
         if self.zvz.is_zero() { 2 * self.char_time } else { self.zvz }
     }

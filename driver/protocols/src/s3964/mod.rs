@@ -105,7 +105,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }
@@ -117,7 +117,7 @@ impl<const N: usize> S3964<N> {
         out.transmit(bytes);
     }
 
-    /// Interrupts our output.
+    /// Interrupts our output: characters that have not begun are taken back.
     fn take_back(&mut self, now: Instant, out: &mut dyn Sink) {
         let saved = self.config.char_time * out.take_back() as u64;
         self.output.end = self.output.end.saturating_sub(saved).max(now);
