@@ -149,7 +149,7 @@ fn copy(bytes: &[u8], into: &[AtomicU64]) {
     last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
-/// To the CPU.
+/// What goes from a link to the CPU.
 enum Order {
     Watch(Box<Watch>),
     Group(Box<Group>),
@@ -161,7 +161,7 @@ enum Order {
     Forget(u64),
 }
 
-/// From the CPU.
+/// What goes from the CPU to a link.
 pub(crate) enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
@@ -177,7 +177,7 @@ pub(crate) enum Back {
 pub enum Returned {
     /// A group has landed or was refused. The newest snapshot contains it.
     Group(Box<Group>),
-    /// A list.
+    /// A system status list, or why there is none.
     List(Box<Listing>),
     /// A pass through a block, or why there is none.
     Pass(Box<PassJob>),
@@ -212,7 +212,7 @@ impl Link {
     /// `generation`.
     ///
     /// # Errors
-    /// [`TooMuch`].
+    /// [`TooMuch::Watch`] for more than a link's share; [`TooMuch::UnderWay`] while too many orders wait.
     pub fn watch(&mut self, generation: u64, frame: &Frame) -> Result<(), TooMuch> {
         if !fits_a_share(frame.pieces().iter().copied()) {
             return Err(TooMuch::Watch);

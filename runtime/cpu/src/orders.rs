@@ -37,7 +37,7 @@ impl Group {
     /// A group of these writes, with the link's own number.
     ///
     /// # Errors
-    /// [`TooMuch::Group`].
+    /// [`TooMuch::Group`]: more writes or more bytes than a group may have.
     pub fn new(id: u64, puts: Vec<Put>) -> Result<Self, TooMuch> {
         let bytes = puts.iter().map(Put::bytes).sum();
         if puts.len() > GROUP_ENTRIES || bytes > WRITE_BYTES {

@@ -59,12 +59,12 @@ impl CodeMemory {
         Ok(Self { address: address.cast_const().cast(), len: len.max(1) })
     }
 
-    /// Maps these bytes.
+    /// Maps these bytes through a memory file of their own.
     pub(crate) fn of(bytes: &[u8]) -> io::Result<Self> {
         Self::map(seal(memory_file()?, bytes)?.as_fd())
     }
 
-    /// The bytes.
+    /// All bytes of the mapping.
     pub(crate) fn bytes(&self) -> &[u8] {
         // SAFETY: mapped readable, as long as `self`; sealed, so that nobody can change them.
         unsafe { std::slice::from_raw_parts(self.address, self.len) }

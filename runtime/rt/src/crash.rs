@@ -21,7 +21,7 @@ pub(crate) const SYNCHRONOUS: [c_int; 7] =
 
 /// Stack of the handler, in bytes.
 const HANDLER_STACK: usize = 64 * 1024;
-/// Bytes of text.
+/// Longest text of the last words, in bytes.
 const TEXT: usize = 1024;
 /// A fault so near to the stack pointer is an overflow of the stack, in bytes.
 const NEAR: usize = 64 * 1024;

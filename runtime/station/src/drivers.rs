@@ -9,9 +9,9 @@ use ob1_backplane::{DriverState, Monitor};
 /// How the drivers of a station are started.
 #[derive(Clone, Debug)]
 pub struct DriverSettings {
-    /// The program `ob1-cp`.
+    /// Path of the program `ob1-cp`.
     pub program: PathBuf,
-    /// The program `ob1-io`.
+    /// Path of the program `ob1-io`.
     pub io: PathBuf,
     /// Variables added to its environment.
     pub env: Vec<(OsString, OsString)>,

@@ -15,7 +15,7 @@ use crate::files;
 const HEAD: &str = "ob1 force 1";
 const END: &str = "end";
 
-/// See [the module](self).
+/// What is forced, shared by all who read or change it; see [the module](self).
 #[derive(Clone, Debug)]
 pub struct Forces(Arc<Inner>);
 

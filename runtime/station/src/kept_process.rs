@@ -39,7 +39,7 @@ pub(crate) trait Charge {
     /// Its signs of life so far.
     fn beats(&self) -> u64;
 
-    /// For the log.
+    /// Tells the log of a start, a loss or a hang.
     fn tell(&self, report: Report);
 
     /// For the log: why it cannot be started, once until it could be.
@@ -53,7 +53,7 @@ struct Process<H> {
     held: H,
 }
 
-/// See [the module](self).
+/// The process with its supervisor; see [the module](self).
 pub(crate) struct Kept<C: Charge> {
     charge: C,
     supervisor: Supervisor,

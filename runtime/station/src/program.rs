@@ -29,13 +29,13 @@ use crate::{drivers, files, handling_check, missing_blocks, numbers, program_fil
 /// What a station's files give.
 #[derive(Debug)]
 pub struct Loaded {
-    /// The program.
+    /// The program of all sources.
     pub program: Program,
     /// The plugins and the renumbering of their blocks.
     pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
     /// Standard blocks of libraries.
     pub standard: Vec<Choice>,
-    /// Warnings and lints.
+    /// Warnings and lints: errors give no program.
     pub findings: Vec<Finding>,
     /// Blocks that have a name only, with the numbers they were given.
     pub numbers: Vec<Numbered>,
@@ -53,7 +53,7 @@ pub enum LoadFailure {
 }
 
 impl LoadFailure {
-    /// What was found.
+    /// What was found: at least one error.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         match self {
@@ -285,9 +285,9 @@ pub fn library(
 /// A compiled program and what is to be reported about it.
 #[derive(Debug)]
 pub struct Compiled {
-    /// The program.
+    /// The program of all sources.
     pub program: Program,
-    /// Warnings and lints.
+    /// Warnings and lints: errors give no program.
     pub findings: Vec<Finding>,
     /// Blocks that have a name only, with the numbers they were given.
     pub numbers: Vec<Numbered>,

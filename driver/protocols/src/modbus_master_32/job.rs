@@ -19,15 +19,15 @@ pub const SOURCE_MAX: usize = 4096;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Function {
-    /// 01, Read Coil Status.
+    /// 01, Read Coils: bits of the output area.
     ReadCoils = 1,
-    /// 02, Read Input Status.
+    /// 02, Read Discrete Inputs.
     ReadInputs = 2,
     /// 03, Read Holding Registers.
     ReadHoldingRegisters = 3,
     /// 04, Read Input Registers.
     ReadInputRegisters = 4,
-    /// 05, Force Single Coil.
+    /// 05, Write Single Coil.
     WriteCoil = 5,
     /// 06, Preset Single Register.
     WriteRegister = 6,
@@ -39,9 +39,9 @@ pub enum Function {
     EventCounter = 11,
     /// 12, Fetch Communications Event Log.
     EventLog = 12,
-    /// 15, Force Multiple Coils.
+    /// 15, Write Multiple Coils.
     WriteCoils = 15,
-    /// 16, Preset Multiple Registers.
+    /// 16, Write Multiple Registers.
     WriteRegisters = 16,
 }
 

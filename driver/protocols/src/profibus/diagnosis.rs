@@ -61,7 +61,7 @@ pub enum Block<'a> {
         channel: u8,
         /// 1 an input, 2 an output, 3 both.
         direction: u8,
-        /// Error type: 1 short circuit, 6 line break, and so on.
+        /// Error type: 1 short circuit, 6 wire break, and so on.
         error: u8,
     },
     /// Any other block: a revision, or the rest after an impossible length.

@@ -131,7 +131,7 @@ pub(super) fn diagnostic(entry: &ob1_station::access::protocol::Diagnostic) -> S
     format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.told())
 }
 
-/// The whole look.
+/// The whole look as lines of text.
 pub(super) fn text(data: &Data) -> String {
     let mut out = format!("{}\n{}", head(data), times(data));
     out += &ob1_station::timing::text::late(&data.now.timing.late);

@@ -19,7 +19,7 @@ use crate::known::KnownProgram;
 pub struct Changes(pub(super) BTreeMap<BlockId, Option<Vec<u8>>>);
 
 impl Changes {
-    /// Nothing was changed.
+    /// Whether nothing was downloaded or deleted.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

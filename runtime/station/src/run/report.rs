@@ -18,11 +18,11 @@ pub const REPORT_SCHEMA: u32 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
-    /// Ctrl-C or SIGTERM.
+    /// Ended by Ctrl-C or SIGTERM.
     Signal,
-    /// `--for` is over.
+    /// The time of `--for` is over.
     Time,
-    /// `--scans` are done.
+    /// The scans of `--scans` are done.
     Scans,
     /// The CPU went to STOP because of a fault.
     Fault,
@@ -42,16 +42,16 @@ impl Ended {
     }
 }
 
-/// A finished run.
+/// What a finished run leaves for machines.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// [`REPORT_SCHEMA`].
+    /// Version of this form, [`REPORT_SCHEMA`].
     pub schema: u32,
-    /// Version of `ob1`.
+    /// Version of the `ob1` that ran.
     pub version: &'static str,
-    /// Why it ended.
+    /// Why the run ended.
     pub ended: Ended,
-    /// The exit code.
+    /// Exit code of the command.
     pub exit: u8,
     /// The fault that led to STOP, in words.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -15,7 +15,7 @@ use super::kernel::Sources;
 use super::looks::{LateScan, Look, Looks, Sample};
 use super::timings::Timings;
 
-/// Between two looks.
+/// Time between two looks.
 const LOOK: Span = Span::from_millis(50);
 /// How often a look is tried while scans end.
 const TRIES: usize = 3;
