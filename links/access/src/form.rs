@@ -9,9 +9,9 @@ pub enum Form {
     /// According to its type.
     #[default]
     Plain,
-    /// `16#1A2B`.
+    /// Hexadecimal: `16#1A2B`.
     Hex,
-    /// `2#0001_1010`.
+    /// Binary: `2#0001_1010`.
     Bin,
     /// The indicator word of a handling block, in words.
     Anzw,
