@@ -34,7 +34,7 @@ macro_rules! types {
 types! {
     /// No memory: the NIL pointer.
     Nil = 0x00: 0,
-    /// BOOL, one bit.
+    /// BOOL, a single bit.
     Bool = 0x01: 1,
     /// BYTE, 8 bits without a meaning.
     Byte = 0x02: 8,

@@ -19,12 +19,12 @@ pub enum Parity {
 /// Stop bits of a character.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum StopBits {
-    /// One stop bit.
+    /// One stop bit after each character.
     #[default]
     One,
     /// 1.5: the CPs have it as a parameter, Linux does not support it.
     OneAndHalf,
-    /// Two stop bits.
+    /// Two stop bits after each character.
     Two,
 }
 

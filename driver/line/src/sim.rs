@@ -40,9 +40,9 @@ pub use rng::SplitMix64;
 /// One end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum End {
-    /// The first end.
+    /// One end; both are alike.
     A,
-    /// The second end.
+    /// The other end.
     B,
 }
 

@@ -171,9 +171,9 @@ pub struct Modbus {
 /// The Modbus modes, one for each protocol code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ModbusKind {
-    /// 0Ah: master, ASCII.
+    /// 0Ah: a master with telegrams in ASCII.
     MasterAscii,
-    /// 0Bh: master, RTU.
+    /// 0Bh: a master with telegrams in RTU.
     MasterRtu,
     /// 0Ch: slave, ASCII, short areas.
     SlaveAsciiShort,

@@ -11,9 +11,9 @@ pub enum Kind341 {
     Choice(&'static [&'static str]),
     /// A number, `min..=max` in steps of `step` from 0.
     Number {
-        /// Smallest number allowed.
+        /// The smallest number allowed.
         min: i64,
-        /// Largest number allowed.
+        /// The largest number allowed.
         max: i64,
         /// Distance of the allowed numbers, counted from 0.
         step: i64,

@@ -62,9 +62,9 @@ const RESERVED: [u8; 2] = *b"Fx";
 pub enum LineEnd {
     /// CR LF (0Dh 0Ah).
     CrLf,
-    /// CR (0Dh) alone.
+    /// CR (0Dh) without LF.
     Cr,
-    /// LF (0Ah) alone.
+    /// LF (0Ah) without CR.
     Lf,
     /// LF CR (0Ah 0Dh).
     LfCr,

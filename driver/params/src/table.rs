@@ -8,7 +8,7 @@
 pub enum Layout {
     /// ASCII and ASCII-fragmented (01h, 11h).
     Ascii,
-    /// STX/ETX (02h).
+    /// STX/ETX (code 02h).
     StxEtx,
     /// 3964, 3964R, each with and without RK 512.
     S3964,
@@ -29,9 +29,9 @@ pub enum Kind {
     Choice(&'static [(&'static str, u8)]),
     /// A number, `min..=max`, in steps of 1.
     Number {
-        /// Smallest number allowed.
+        /// The smallest number allowed.
         min: u16,
-        /// Largest number allowed.
+        /// The largest number allowed.
         max: u16,
     },
     /// A time in milliseconds, kept in ticks of 20 ms, `min..=255`.

@@ -9,9 +9,9 @@ pub enum Form {
     /// According to its type.
     #[default]
     Plain,
-    /// Hexadecimal: `16#1A2B`.
+    /// Hexadecimal, as wide as the value: `16#1A2B`.
     Hex,
-    /// Binary: `2#0001_1010`.
+    /// Binary, in groups of four bits: `2#0001_1010`.
     Bin,
     /// The indicator word of a handling block, in words.
     Anzw,

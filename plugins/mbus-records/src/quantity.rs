@@ -110,27 +110,27 @@ numbered! {
     Unit {
         /// No unit, or another unit.
         None = 0,
-        /// Watt-hour, Wh (energy).
+        /// Watt-hour, Wh: unit of energy.
         WattHour = 1,
-        /// Joule, J (energy).
+        /// Joule, J: unit of energy.
         Joule = 2,
         /// Cubic metre, m3 (volume).
         CubicMetre = 3,
-        /// Kilogram, kg (mass).
+        /// Kilogram, kg: unit of mass.
         Kilogram = 4,
-        /// Second, s (time).
+        /// Second, s: unit of time.
         Second = 5,
-        /// Minute, min (time).
+        /// Minute, min: unit of time.
         Minute = 6,
-        /// Hour, h (time).
+        /// Hour, h: unit of time.
         Hour = 7,
-        /// Day, d (time).
+        /// Day, d: unit of time.
         Day = 8,
-        /// Calendar months (time).
+        /// Month of the calendar: unit of time.
         Month = 9,
-        /// Calendar years (time).
+        /// Year of the calendar: unit of time.
         Year = 10,
-        /// Watt, W (power).
+        /// Watt, W: unit of power.
         Watt = 11,
         /// Joule per hour, J/h (power).
         JoulePerHour = 12,
@@ -142,17 +142,17 @@ numbered! {
         CubicMetrePerSecond = 15,
         /// Kilogram per hour, kg/h (mass flow).
         KilogramPerHour = 16,
-        /// Degree Celsius (temperature).
+        /// Degree Celsius: unit of temperature.
         Celsius = 17,
         /// Kelvin, K (temperature difference).
         Kelvin = 18,
         /// Bar, 100 000 Pa (pressure).
         Bar = 19,
-        /// Volt, V (voltage).
+        /// Volt, V: unit of voltage.
         Volt = 20,
-        /// Ampere, A (current).
+        /// Ampere, A: unit of current.
         Ampere = 21,
-        /// Hertz, Hz (frequency).
+        /// Hertz, Hz: unit of frequency.
         Hertz = 22,
         /// Per cent, % (relative humidity).
         Percent = 23,
@@ -168,7 +168,7 @@ numbered! {
         VoltAmpere = 28,
         /// Tonne, t, 1000 kg (mass).
         Tonne = 29,
-        /// Degree Fahrenheit (temperature).
+        /// Degree Fahrenheit: unit of temperature.
         Fahrenheit = 30,
         /// Cubic feet (volume; 0.0283 m3 each).
         CubicFoot = 31,

@@ -18,7 +18,7 @@ const HARDWARE: usize = 21;
 const QUEUE: usize = 16;
 /// Diagnostic interrupts that can wait.
 const DIAGNOSES: usize = 16;
-/// Nothing is due.
+/// A due time that never comes.
 pub(crate) const NEVER: Instant = Instant::NEVER;
 
 /// The slot of an organization block.

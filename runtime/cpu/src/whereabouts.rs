@@ -33,7 +33,7 @@ impl Packed {
 #[derive(Debug, Default)]
 pub struct Whereabouts {
     ob: AtomicU32,
-    /// A [`Packed`] statement.
+    /// The calling statement, as a [`Packed`].
     caller: AtomicU64,
 }
 

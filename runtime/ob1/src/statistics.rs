@@ -18,7 +18,7 @@ pub const PERCENTILES: [(&str, f64); 6] =
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Percentile {
-    /// The percentile's value.
+    /// Value of the percentile, known well enough.
     Known(u64),
     /// So many values are needed until [`BEYOND`] of them can be expected to lie beyond it.
     Needs(u64),

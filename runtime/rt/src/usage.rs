@@ -10,11 +10,11 @@ const TICK: Span = Span::from_millis(10);
 /// Memory of the process, in KiB, from `/proc/self/status`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
-    /// Resident memory (`VmRSS`).
+    /// Memory that is resident (`VmRSS`).
     pub resident_kib: u64,
     /// Highest resident so far (`VmHWM`).
     pub peak_kib: u64,
-    /// Locked memory (`VmLck`).
+    /// Memory that is locked (`VmLck`).
     pub locked_kib: u64,
     /// Number of threads of the process.
     pub threads: u64,

@@ -38,9 +38,9 @@ pub mod sap {
     pub const GLOBAL_CONTROL: u8 = 58;
     /// Its configuration, for any master.
     pub const GET_CONFIG: u8 = 59;
-    /// Its diagnosis (Slave_Diag).
+    /// Slave_Diag: the slave gives its diagnosis.
     pub const DIAGNOSIS: u8 = 60;
-    /// Its parameters (Set_Prm).
+    /// Set_Prm: the slave gets its parameters.
     pub const PARAMETERS: u8 = 61;
     /// The configuration that it must check.
     pub const CHECK_CONFIG: u8 = 62;

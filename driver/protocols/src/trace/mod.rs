@@ -26,7 +26,7 @@ pub enum Way {
 }
 
 impl Way {
-    /// The opposite direction.
+    /// The opposite direction, in which an answer goes.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {

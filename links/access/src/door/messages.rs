@@ -265,7 +265,7 @@ pub struct Event {
     pub number: u64,
     /// When, in nanoseconds of the runtime.
     pub time: u64,
-    /// What has happened.
+    /// What has happened then.
     pub what: What,
 }
 
@@ -371,7 +371,7 @@ pub enum ToBroker {
         client: u32,
         /// Number that comes back with the answer.
         ticket: Ticket,
-        /// The question itself.
+        /// What is asked of the broker.
         ask: Ask,
     },
     /// This client is gone.
@@ -427,7 +427,7 @@ pub enum News {
         client: u32,
         /// Number of the question.
         ticket: Ticket,
-        /// The answer itself.
+        /// What the broker says to it.
         answer: Answer,
     },
     /// An event, for a client that asked for them.

@@ -142,13 +142,13 @@ pub struct Loaded {
 /// Program invocation services that a partner can ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Goes to STOP.
+    /// The CPU goes to STOP.
     Stop,
     /// Warm restart (OB 100).
     Warm,
     /// Cold restart (OB 102).
     Cold,
-    /// Compresses the memory.
+    /// Compresses the memory: `_GARB`.
     Compress,
     /// Copy RAM to ROM.
     CopyRamToRom,

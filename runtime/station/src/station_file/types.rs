@@ -360,7 +360,7 @@ pub enum ModuleKind {
     },
     /// A CP whose parameters are keys with its driver process: a CP 341 or a CP 340, as they say.
     Keyed {
-        /// Its parameters, checked.
+        /// Its parameters, checked against their table.
         params: Box<Cp341>,
         /// Where its serial line leads to.
         line: Line,

@@ -83,7 +83,7 @@ pub enum RefArg {
     },
     /// A constant the callee may overwrite.
     Scratch {
-        /// The constant, right-aligned.
+        /// Value of the constant, right-aligned.
         value: u32,
         /// How many bits the constant has, 32 at most.
         bits: u8,
