@@ -37,7 +37,7 @@ impl Channel {
     }
 }
 
-/// User data in a block. [reference 1.0]
+/// User data in a block. [CP 341 manual 09/2008, p. 178]
 pub const PIECE: u16 = 32;
 
 /// Position of the user data.
@@ -139,7 +139,7 @@ pub struct Header {
     pub flag: (u16, u16),
 }
 
-/// No coordination flag. [reference 1.1]
+/// No coordination flag. [TIA help "PtP data link CP 341"]
 pub const NO_FLAG: u16 = 255;
 
 /// A job of P_SEND, P_SND_RK or P_PRINT, from byte 8 of the block on.

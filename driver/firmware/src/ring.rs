@@ -1,5 +1,5 @@
 //! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a
-//! CP 341 of 4096 [reference 6.2].
+//! CP 341 of 4096 [TIA help "Configuration for point-to-point links"].
 
 use ob1_protocols::Part;
 
@@ -8,7 +8,7 @@ use ob1_words::cp240::BUFFER_BYTES;
 /// Bytes of the largest buffer of a CP 240: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
 const BYTES_MAX: usize = 2048;
 
-/// Bytes of the receive buffer of a CP 341. [reference 6.2]
+/// Bytes of the receive buffer of a CP 341. [TIA help "Configuration for point-to-point links"]
 pub(crate) const BYTES_341: usize = 4096;
 
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
@@ -63,7 +63,8 @@ impl Capacity {
         Self { bytes, ..Self::buffers(telegrams) }
     }
 
-    /// One telegram, always the newest: "1 telegram + no overwrite protection". [reference 6.2]
+    /// One telegram, always the newest: "1 telegram + no overwrite protection".
+    /// [TIA help "Configuration for point-to-point links"]
     pub(crate) const fn newest(self) -> Self {
         Self { telegrams: 1, overwrites: true, ..self }
     }

@@ -1,4 +1,4 @@
-//! The parameters of a CP 341 and of a CP 340: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
+//! The parameters of a CP 341 and of a CP 340: named keys, checked against a table. (docs/cp341.md)
 //!
 //! In a rack they are in a system data block whose layout Siemens does not publish; here they are keys, both in the
 //! station file and in the configuration of the driver.
@@ -18,7 +18,7 @@ use crate::kind::CpKind;
 use crate::printer::Printer;
 use crate::{cp340, printer};
 
-/// The character frame, first in every protocol. [reference 5.2]
+/// The character frame, first in every protocol. [CP 341 manual 09/2008, p. 38]
 const FRAME: &[Key341] = &[
     baud(&["300", "600", "1200", "2400", "4800", "9600", "19200", "38400", "57600", "76800", "115200"]),
     CHARACTER[0],
@@ -212,7 +212,7 @@ fn default_of(row: &Key341, kind: CpKind, protocol: &str, before: &Reader<'_>) -
     match (row.key, row.default) {
         (_, "") if matches!(row.kind, Kind341::Text { .. }) => Value::from(""),
         ("zvz_ms", "") if kind == CpKind::Cp340 => Value::Int(cp340::default_zvz_ms(line_of(before).char_time())),
-        // 2 s with block check character, 550 ms without. [reference 5.2]
+        // 2 s with block check character, 550 ms without. [CP 341 manual 09/2008, p. 38]
         ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
         (key, "") => cp341_modbus::default_of(key, before)
             .or_else(|| cp341_ascii::default_of(key, before))

@@ -36,7 +36,7 @@ pub struct CpRow {
     /// It uses the diagnostic record itself, so there is no place for the text of a line error.
     pub has_record: bool,
     /// It needs the current outputs before its first parameters. A CP 341 needs them afterwards: its driver decides who
-    /// controls RTS and DTR. [reference 2.2]
+    /// controls RTS and DTR. [TIA help "PtP data link CP 341"]
     pub outputs_first: bool,
 }
 

@@ -12,7 +12,7 @@ use crate::keyed::{Key341, Reader, choice, error, number, text};
 /// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "printer";
 
-/// Longest message text, and longest format string, in bytes. [reference 3.7, 0507h], [reference 1.8]
+/// Longest message text, and longest format string, in bytes. [TIA help "PtP data link CP 341"]
 pub const TEXT_MAX: usize = 150;
 
 /// Highest number of a message text. [CP 341 manual 09/2008, p. 101]

@@ -210,7 +210,7 @@ const S3964: &[Field] = &[
         100,
         "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512); 0: not watched",
     ),
-    // The table prints 5, the description 3. [reference 10, row 7]
+    // The table prints 5, the description 3.
     whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block, the first included"),
     whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "which side gives way when both want to send"),

@@ -246,7 +246,7 @@ pub enum What {
 
 impl Event {
     /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` if they have no
-    /// number for it. [reference 3.9, 3.10]
+    /// number for it. (docs/cp341-events.md)
     pub fn number(self) -> Option<u16> {
         use Phase::{Acknowledge, Connect, Output};
         const DLE: u8 = 0x10;

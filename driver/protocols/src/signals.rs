@@ -1,5 +1,5 @@
 //! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR are monitored. [S4 "4.3 RS 232C
-//! Secondary Signals"], [reference 6.5]
+//! Secondary Signals"], [TIA help "Configuration for point-to-point links"]
 //!
 //! ```text
 //! parameters    RTS OFF, DTR ON

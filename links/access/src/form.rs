@@ -68,7 +68,7 @@ fn anzw(word: u16) -> String {
     format!("16#{word:04X} {words}")
 }
 
-/// Event class and number of a CP 341. [reference 3.1]
+/// Event class and number of a CP 341. (docs/cp341-events.md)
 fn status(word: u16) -> String {
     let text = match (word, cp341_events::row(word)) {
         (0, _) => "no error",

@@ -107,7 +107,7 @@ pub(crate) struct Told {
 
 impl Told {
     /// "ERROR is set for one call": an error that lasts is told when it comes, and again when the program has named
-    /// another place for the data. [reference 8.3]
+    /// another place for the data. (docs/cp040-registers.md)
     pub(crate) fn once(
         &self,
         cx: &mut Cx<'_, CpState>,

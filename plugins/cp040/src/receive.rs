@@ -1,4 +1,4 @@
-//! FB 61 RECEIVE. [S3 "Overview"], [reference 8.3]
+//! FB 61 RECEIVE. [S3 "Overview"] (docs/cp040-registers.md)
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 

@@ -1,4 +1,4 @@
-//! FB 60 SEND. [S3 "Overview"], [reference 8.3]
+//! FB 60 SEND. [S3 "Overview"] (docs/cp040-registers.md)
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 

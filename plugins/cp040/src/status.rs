@@ -1,4 +1,4 @@
-//! STATUS of the three blocks. [reference 8.4]
+//! STATUS of the three blocks. (docs/cp040-registers.md)
 
 use ob1_words::slio::Failure;
 

@@ -1,4 +1,4 @@
-//! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [reference 2]
+//! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [TIA help "PtP data link CP 341"]
 //!
 //! They have no error output and do not change BR. The CP shows its signals in the first byte of its inputs and takes
 //! RTS and DTR from the first byte of its outputs.

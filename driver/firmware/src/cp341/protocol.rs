@@ -193,7 +193,7 @@ impl Protocol {
     }
 
     /// Prints a job: returns the bytes for the line, and the STATUS with which the job ends after the output. With
-    /// another protocol there is no printer. [reference 3.7]
+    /// another protocol there is no printer. (docs/cp341-events.md)
     pub(crate) fn print(&mut self, job: &[u8]) -> Result<(Vec<u8>, Option<u16>), u16> {
         let Self::Printer(printer, _) = self else { return Err(0x0502) };
         printer.print(job).map(|printout| (printout.bytes, printout.fault.map(|fault| fault as u16)))

@@ -1,4 +1,5 @@
-//! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece. [reference 1.5]
+//! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece.
+//! [TIA help "PtP data link CP 341"]
 
 use super::model::JOB_MAX;
 use ob1_words::channels::{Block, ChannelBlock, Command, Header, Offered as Kind, Refusal, State, pieces, range};

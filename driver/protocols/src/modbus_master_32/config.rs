@@ -9,7 +9,7 @@ use crate::signals::Times;
 pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_400, 76_800];
 
 /// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the time of 0409h
-/// [reference 3.6].
+/// (docs/cp341-events.md).
 const TRANSFER: Span = Span::from_secs(10);
 
 /// Maximum of the times in the parameters, ms. [S4 "3.6.3 RS232 Secondary Signals"]
@@ -142,7 +142,7 @@ impl Parameters {
         if self.operating_mode > Self::INTERFERENCE_SUPPRESSION {
             refuse(number::OPERATING_MODE);
         }
-        // The driver's own list has no number for these; the CP has one (our choice). [reference 3.4]
+        // The driver's own list has no number for these; the CP has one (our choice). (docs/cp341-events.md)
         let signals_fit = self.signals.is_none_or(|s| s.rts_off_ms.max(s.output_wait_ms) <= SIGNAL_MS_MAX);
         if !BAUD_RATES.contains(&self.baud) || self.stop_bits != stop_bits_of(self.parity) || !signals_fit {
             refuse(number::PARAMETERS);

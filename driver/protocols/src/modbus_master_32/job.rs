@@ -96,7 +96,7 @@ impl Job {
     /// # Errors
     /// The event number with which the job ends; nothing is sent.
     pub fn of(r_typ: u8, source: &[u8], long_registers: bool) -> Result<Self, u16> {
-        // The manual's own example writes 'x'. [S4 L2030], [reference 1.1]
+        // The manual's own example writes 'x'. [S4 L2030], [TIA help "PtP data link CP 341"]
         if !r_typ.eq_ignore_ascii_case(&b'X') {
             return Err(number::R_TYP);
         }

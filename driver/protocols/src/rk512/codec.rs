@@ -7,7 +7,7 @@ pub const HEADER: usize = 10;
 /// Bytes of the header of a follow-on telegram, and of a reaction.
 pub const SHORT: usize = 4;
 /// Bytes of user data in one telegram. The tables print positions up to 127, the text says "when the data exceeds
-/// 128Byte". [S0 "Structure of additional messages"], [reference 4.4]
+/// 128Byte". [S0 "Structure of additional messages"], [CP 341 manual 09/2008, p. 57]
 pub const PIECE: usize = 128;
 
 /// Whether a telegram of a SEND has the right number of data bytes, `len`, when `rest` bytes are still to come.
@@ -67,7 +67,7 @@ impl Area {
     pub const ALL: [Self; 7] =
         [Self::Db, Self::Dx, Self::Inputs, Self::Outputs, Self::Memory, Self::Counters, Self::Timers];
 
-    /// Its letter in the fourth byte: D X E A M Z T. [reference 4.2]
+    /// Its letter in the fourth byte: D X E A M Z T. [CP 341 manual 09/2008, p. 51]
     pub const fn letter(self) -> u8 {
         match self {
             Self::Db => b'D',
@@ -80,7 +80,7 @@ impl Area {
         }
     }
 
-    /// Bytes of one unit of the length: words for D, X, Z, T, bytes for M, E, A. [reference 4.2]
+    /// Bytes of one unit of the length: words for D, X, Z, T, bytes for M, E, A. [CP 341 manual 09/2008, p. 51]
     pub const fn unit(self) -> usize {
         match self {
             Self::Inputs | Self::Outputs | Self::Memory => 1,
@@ -111,8 +111,8 @@ impl Coordination {
     /// Neither flag nor CPU number: FF FF.
     pub const NONE: Self = Self([NONE, NONE]);
 
-    /// Flag and CPU number (1 to 4) as [reference 4.2] encodes them: without a number the high nibble is 0 with a flag
-    /// and F without one.
+    /// Flag and CPU number (1 to 4) as [CP 341 manual 09/2008, p. 51] encodes them: without a number the high nibble is
+    /// 0 with a flag and F without one.
     pub const fn new(flag: Option<Flag>, cpu: Option<u8>) -> Self {
         match (flag, cpu) {
             (None, None) => Self::NONE,
@@ -172,7 +172,7 @@ impl Request {
     }
 
     /// Third and fourth byte. SEND to a DX is `O D`, SEND to a DB `A D`: the header's description is the only text that
-    /// makes a DX distinguishable. [reference 1.3]
+    /// makes a DX distinguishable. [CP 341 manual 09/2008, p. 51]
     pub const fn letters(&self) -> [u8; 2] {
         match (self.command, self.area) {
             (Command::Send, Area::Dx) => *b"OD",
@@ -210,7 +210,7 @@ impl Request {
     }
 }
 
-/// The meaning of the third and fourth byte. `A X` counts as a DX, because some partners send it. [reference 1.3]
+/// The meaning of the third and fourth byte. `A X` counts as a DX, because some partners send it. (ours)
 fn letters(command: u8, area: u8) -> Result<(Command, Area), Malformed> {
     match (command, area) {
         (b'A', b'D') => Ok((Command::Send, Area::Db)),
@@ -254,14 +254,14 @@ pub enum Telegram<'a> {
     Reaction {
         /// To a follow-on telegram.
         follow: bool,
-        /// 00h: all is well; otherwise the error number. [reference 4.6]
+        /// 00h: all is well; otherwise the error number. (docs/cp341-events.md)
         code: u8,
         /// Data of a FETCH.
         data: &'a [u8],
     },
 }
 
-/// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [reference 4.5]
+/// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [CP 341 manual 09/2008, p. 52 to 57]
 ///
 /// # Errors
 /// What is [`Malformed`]: too short for a header, or a byte that no header has.

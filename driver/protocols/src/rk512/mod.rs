@@ -14,8 +14,8 @@
 //! ```
 //!
 //! One machine has both roles at once: an own order waits for its reaction while orders of the partner come in and are
-//! answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive one
-//! in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
+//! answered ("quasi full duplex", one order each way) [CP 341 manual 09/2008, p. 52 to 57]. The active role is in
+//! `active`, the passive one in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
 //!
 //! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts
 //! are silent): a reaction proves that the telegram it answers has arrived, once that has been sent completely; a
@@ -70,7 +70,7 @@ pub enum Answer<'a> {
     Taken,
     /// The data of the FETCH; as many as the request asks for.
     Data(&'a [u8]),
-    /// Refused with this error number, not 0. [reference 4.6]
+    /// Refused with this error number, not 0. (docs/cp341-events.md)
     Refused(u8),
 }
 
