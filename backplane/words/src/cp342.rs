@@ -87,7 +87,7 @@ pub mod ctype {
     pub const CYCLIC_GLOBAL: u8 = 1;
     /// Deletes the older diagnoses that the CP keeps.
     pub const FORGET: u8 = 3;
-    /// Sets the mode of the DP master (see [`mode`]).
+    /// Sets the mode of the DP master (see the module `mode`).
     pub const MODE: u8 = 4;
     /// Sets the mode while the CPU is in STOP.
     pub const MODE_CPU_STOP: u8 = 5;

@@ -77,7 +77,7 @@ impl Tap {
         self.listeners.is_empty()
     }
 
-    /// Accepts new listeners, at most [`CALLERS`] in one pass; after a failed attempt none for [`PAUSE`].
+    /// Accepts new listeners, a few in each pass; after a failed attempt none for half a second.
     pub fn admit(&mut self, now: Instant) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..CALLERS {

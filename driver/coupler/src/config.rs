@@ -20,7 +20,7 @@ pub struct BusConfig {
     /// If the scan gives no sign of life for this long, the outputs go off.
     #[serde(with = "nanos")]
     pub scan_timeout: Span,
-    /// The lines that the process drives; a bus without lines does nothing.
+    /// The lines that the process of the bus drives.
     pub lines: Vec<LineConfig>,
 }
 
@@ -50,7 +50,7 @@ pub struct LineConfig {
     /// Longest wait for an answer.
     #[serde(with = "nanos")]
     pub timeout: Span,
-    /// The couplers on this line, in the order in which they are asked.
+    /// The Modbus couplers on this line.
     pub couplers: Vec<CouplerConfig>,
     /// PROFIBUS DP instead of Modbus.
     #[serde(default)]

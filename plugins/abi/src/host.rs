@@ -35,7 +35,7 @@ pub struct ObInfo {
     pub size: u32,
     /// Number of the running OB.
     pub number: u16,
-    /// Its priority class, as OB 1 has 1.
+    /// Its priority class; OB 1 has 1.
     pub priority: u8,
     /// Padding; a plugin must ignore it.
     pub reserved: u8,

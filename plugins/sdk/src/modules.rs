@@ -78,7 +78,7 @@ impl<M> Cx<'_, M> {
     /// it.
     ///
     /// # Errors
-    /// [`Abort`]; refused as by [`Cx::io_read`].
+    /// [`Abort`](crate::Abort); refused as by [`Cx::io_read`].
     #[inline]
     pub fn io_write(&mut self, address: u32, from: &[u8]) -> Reply<()> {
         let (host, call) = self.edge();
@@ -100,7 +100,7 @@ impl<M> Cx<'_, M> {
     /// Writes a whole record (data set) of the module.
     ///
     /// # Errors
-    /// [`Abort`]; refused as by [`Cx::record_read`].
+    /// [`Abort`](crate::Abort); refused as by [`Cx::record_read`].
     pub fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `io_read`.

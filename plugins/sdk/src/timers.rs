@@ -47,7 +47,7 @@ impl<M> Cx<'_, M> {
     /// Stops a timer, as `R T` does: time and output are 0.
     ///
     /// # Errors
-    /// [`Abort`]; refused with `Outside`: there is no timer of this number.
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no timer of this number.
     pub fn timer_reset(&mut self, number: u16) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `timer_run`.
@@ -57,7 +57,7 @@ impl<M> Cx<'_, M> {
     /// Reads a timer without changing it.
     ///
     /// # Errors
-    /// [`Abort`]; refused with `Outside`: there is no timer of this number.
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no timer of this number.
     pub fn timer(&mut self, number: u16) -> Reply<Timer> {
         let ((host, call), size) = (self.edge(), size_of::<abi::TimerInfo>() as u32);
         let mut info = abi::TimerInfo { size, ..Default::default() };
@@ -84,7 +84,7 @@ impl<M> Cx<'_, M> {
     /// Reads a counter as three BCD digits, as `LC` loads it.
     ///
     /// # Errors
-    /// [`Abort`]; refused with `Outside`: there is no counter of this number.
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no counter of this number.
     pub fn counter_bcd(&mut self, number: u16) -> Reply<u16> {
         let digit = |value: u16, power: u16| value / power % 10;
         Ok(self.counter(number)?.map(|value| digit(value, 100) << 8 | digit(value, 10) << 4 | digit(value, 1)))
@@ -93,7 +93,7 @@ impl<M> Cx<'_, M> {
     /// Sets a counter, 0 to 999.
     ///
     /// # Errors
-    /// [`Abort`]; refused with `Outside`: there is no counter of this number.
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no counter of this number.
     pub fn set_counter(&mut self, number: u16, value: u16) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `timer_run`.

@@ -11,7 +11,7 @@ const LINES: usize = 64;
 /// A line that a block has logged.
 #[derive(Clone, Copy)]
 pub struct LogLine {
-    /// When it was logged, by the CPU's time.
+    /// When it was logged, by the runtime's clock.
     pub time: Instant,
     /// 1 error, 2 warning, 3 information.
     pub level: u8,

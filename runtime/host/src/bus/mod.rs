@@ -31,7 +31,7 @@ pub enum OnLoss {
     Zero,
     /// What was read last.
     Hold,
-    /// These bytes, one for each input byte of the module.
+    /// These bytes, given by the station file.
     Substitute(Vec<u8>),
 }
 
