@@ -182,7 +182,7 @@ impl Frame {
     /// them, big-endian. Nothing is appended when not all are there.
     ///
     /// # Errors
-    /// Why the CPU does not have them.
+    /// [`CellError`]: there is no such block or value, or `skip` and `len` reach beyond it.
     pub fn read(
         &self,
         index: usize,

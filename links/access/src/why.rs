@@ -188,7 +188,7 @@ enum Subject {
 /// The question, and the pass that it needs; none: nothing writes the bit.
 ///
 /// # Errors
-/// Why it cannot be answered.
+/// The operand is unknown, or cannot be followed; in words for who has asked.
 pub fn order<P: Deref<Target = Program>>(
     known: &Known<'_, P>,
     wanted: &WhyWanted,

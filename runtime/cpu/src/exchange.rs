@@ -244,7 +244,7 @@ impl Link {
     /// Asks for a system status list; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn list(&mut self, listing: Listing) -> Result<(), TooMuch> {
         self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
     }
@@ -252,7 +252,7 @@ impl Link {
     /// Asks for a pass through a block; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn pass(&mut self, job: PassJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
@@ -260,7 +260,7 @@ impl Link {
     /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
@@ -268,7 +268,7 @@ impl Link {
     /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn forget(&mut self, id: u64) -> Result<(), TooMuch> {
         self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
@@ -276,7 +276,7 @@ impl Link {
     /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn debug(&mut self, job: DebugJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }

@@ -122,7 +122,7 @@ impl Listing {
     /// Length of a record, and the records; or why there are none.
     ///
     /// # Errors
-    /// What SFC 51 would answer.
+    /// [`StatusError`]: SZL_ID or INDEX is wrong, or the list is not available, as SFC 51 says it.
     pub fn found(&self) -> Result<(u16, &[u8]), StatusError> {
         self.found.map(|record| (record, self.bytes.as_slice()))
     }

@@ -10,7 +10,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 /// An empty memory file for code. It can be filled and sealed later, when the process may no longer make one.
 ///
 /// # Errors
-/// The system has no room for it.
+/// The system has no descriptor or no memory left.
 pub fn memory_file() -> io::Result<File> {
     // Without MFD_EXEC a system may refuse to execute it. Kernels before 6.3 do not know the flag.
     const EXEC: MemfdFlags = MemfdFlags::from_bits_retain(0x10);

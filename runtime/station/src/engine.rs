@@ -36,7 +36,7 @@ impl EngineChoice {
     /// The choice of a word on a command line: that of a station file, or `plain`.
     ///
     /// # Errors
-    /// Which words there are.
+    /// The word is none of these: the words there are, in one sentence.
     pub fn parse(word: &str) -> Result<Self, String> {
         let mut words = Self::WORDS.into_iter().chain([("plain", EngineChoice::Plain)]);
         words

@@ -72,7 +72,7 @@ impl<C: Charge> Kept<C> {
     /// One that is started now.
     ///
     /// # Errors
-    /// What the system says.
+    /// The process cannot be started; what the system says.
     pub(crate) fn started(charge: C, times: Times) -> io::Result<Self> {
         let mut kept = Self::new(charge, times);
         kept.spawn()?;

@@ -77,7 +77,7 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 /// Loads plugins and compiles the sources of a station.
 ///
 /// # Errors
-/// [`LoadFailure`], with everything that was found.
+/// [`LoadFailure`]: plugins or sources are rejected, with everything that was found.
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
     let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;

@@ -195,7 +195,7 @@ impl RunDir {
     /// Publishes `target` (a `/proc/PID/fd/N`) under a name.
     ///
     /// # Errors
-    /// What the system says.
+    /// [`RunDirError::Io`]: there is something of this name, or the directory is gone.
     pub fn link(&mut self, name: impl AsRef<OsStr>, target: &Path) -> Result<(), RunDirError> {
         let link = self.path.join(name.as_ref());
         std::os::unix::fs::symlink(target, &link).map_err(at(&link))?;

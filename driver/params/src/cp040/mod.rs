@@ -73,7 +73,7 @@ impl Cp040 {
     /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
     ///
     /// # Errors
-    /// [`ParamError`], with the byte.
+    /// [`ParamError`]: the first code that the tables do not have, with its byte.
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = CP040.check(bytes)?;
         Self::read(bytes, name, layout)

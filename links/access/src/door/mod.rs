@@ -193,7 +193,8 @@ impl Door {
     /// Sends waiting messages and receives all that have come.
     ///
     /// # Errors
-    /// [`DoorError`]: the door is gone.
+    /// [`DoorError`]: the door is closed, the system fails, or the broker is of another version. The door is of no use
+    /// then.
     pub fn pump(&mut self) -> Result<(), DoorError> {
         self.send()?;
         while let Some((len, descriptors)) = handover::receive(&self.socket, &mut self.buffer).map_err(ended)? {

@@ -83,7 +83,7 @@ impl Client {
     /// Bytes from the wire.
     ///
     /// # Errors
-    /// [`Failure`]: the connection is no longer usable.
+    /// [`Failure`]: the partner refuses, or its bytes make no sense. The connection is of no use then.
     pub fn receive(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         self.transport.receive(bytes).map_err(Failure::Broken)?;
         while let Some(event) = self.transport.event().map_err(Failure::Broken)? {

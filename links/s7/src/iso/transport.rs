@@ -158,7 +158,7 @@ impl Transport {
     /// The next event, if enough bytes have come.
     ///
     /// # Errors
-    /// [`Broken`]: close the connection.
+    /// [`Broken`]: the bytes are no ISO transport, or not allowed now. The connection must be closed.
     pub fn event(&mut self) -> Result<Option<Event>, Broken> {
         loop {
             // A caller waits for its answer; bytes after the call are read when the answer has been given.

@@ -68,7 +68,7 @@ impl FileReport {
 /// Writes all reports as JUnit XML. Times are real times; a file that could not be run is a test case with an error.
 ///
 /// # Errors
-/// What the system says.
+/// The file cannot be written; what the system says.
 pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
     files::write(path, junit(reports).as_bytes())
 }

@@ -77,7 +77,7 @@ impl Client {
     /// Connects to a socket.
     ///
     /// # Errors
-    /// What the system says.
+    /// Nobody listens there (`NotFound`, `ConnectionRefused`), or it is another user's.
     pub fn to_socket(socket: &Path) -> io::Result<Self> {
         let stream = UnixStream::connect(socket)?;
         stream.set_read_timeout(Some(ANSWER_TIME))?;

@@ -81,7 +81,7 @@ impl Report {
     /// Whether a report can be written there: asked before a run of hours, not after it.
     ///
     /// # Errors
-    /// What the system says.
+    /// The file cannot be opened for writing, or not be made there; what the system says.
     pub fn try_path(path: &Path) -> io::Result<()> {
         match std::fs::metadata(path) {
             Ok(there) if there.is_file() || there.is_dir() => {
@@ -101,7 +101,7 @@ impl Report {
     /// Writes the report as JSON.
     ///
     /// # Errors
-    /// What the system says.
+    /// The file cannot be written; what the system says.
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');

@@ -91,7 +91,7 @@ impl Observer {
     /// Starts the thread. `cores` are those the scan is bound to, empty for all.
     ///
     /// # Errors
-    /// What the system says.
+    /// No handler for SIGCONT, or no thread; what the system says.
     pub fn start(timings: Timings, cores: Vec<usize>) -> std::io::Result<(Self, LateSender)> {
         let (ring, late) = RingBuffer::new(ROOM);
         let shared = Arc::new(Shared::default());
