@@ -42,7 +42,7 @@ pub use rng::SplitMix64;
 pub enum End {
     /// One end; both are alike.
     A,
-    /// The other end.
+    /// The other end of the line.
     B,
 }
 

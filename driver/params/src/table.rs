@@ -8,7 +8,7 @@
 pub enum Layout {
     /// ASCII and ASCII-fragmented (01h, 11h).
     Ascii,
-    /// STX/ETX (code 02h).
+    /// STX/ETX, protocol code 02h.
     StxEtx,
     /// 3964, 3964R, each with and without RK 512.
     S3964,
