@@ -140,7 +140,7 @@ impl Connection {
         self.test_refused(reference, service, why)
     }
 
-    /// One breakpoint less: the CPU is told the others.
+    /// One breakpoint less; after the last one it is asked where the CPU holds.
     pub(super) fn unset_came(&mut self, reference: u16, id: u8, service: u8) -> Vec<u8> {
         if service == sub::TEST_DELETE {
             self.tests.jobs.retain(|job| job.id != id);
