@@ -69,7 +69,7 @@ pub(crate) const TESTS: &[&str] = &["build", "--workspace", "--all-targets"];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Profile {
     Debug,
-    /// Builds quickly.
+    /// Builds quickly, and is fast enough for the demo.
     Demo,
     Release,
 }

@@ -42,7 +42,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     Ok(())
 }
 
-/// The files `faults_*.rs`.
+/// The protocols that have a file `faults_*.rs`, by name.
 fn protocols() -> Outcome<Vec<String>> {
     let mut all = Vec::new();
     for (_, _, folder) in PLACES {

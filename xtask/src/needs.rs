@@ -45,7 +45,7 @@ pub(crate) const BROWSER: Need = Need {
 pub(crate) const PROMETHEUS: Need =
     Need { what: "Prometheus", packages: &["prometheus"], here: || on_path("prometheus") && on_path("promtool") };
 
-/// Checks Debian packages.
+/// lintian, which checks Debian packages.
 pub(crate) const LINTIAN: Need = Need { what: "lintian", packages: &["lintian"], here: || on_path("lintian") };
 
 /// The C compiler for AArch64, used for linking.
@@ -63,7 +63,7 @@ pub(crate) const QEMU_USER: Need =
 pub(crate) const DEBOOTSTRAP: Need =
     Need { what: "debootstrap", packages: &["debootstrap"], here: || on_path("debootstrap") };
 
-/// Boots this Debian.
+/// systemd-nspawn, which boots the Debian that debootstrap made.
 pub(crate) const NSPAWN: Need =
     Need { what: "systemd-nspawn", packages: &["systemd-container"], here: || on_path("systemd-nspawn") };
 

@@ -47,7 +47,7 @@ const LOADS: &[Siege] = &[
 struct Siege {
     name: &'static str,
     package: &'static str,
-    /// `BINARY` or `BINARY::MODULE`.
+    /// Where the test is: `BINARY` or `BINARY::MODULE`.
     file: &'static str,
     long: Long,
 }

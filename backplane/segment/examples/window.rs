@@ -16,7 +16,7 @@ const WORDS: usize = 64;
 /// What one reader has counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Seen {
-    /// Whole snapshots.
+    /// Snapshots that were whole: all words of one scan.
     pub reads: u64,
     /// Reads in which the writer was faster in every try.
     pub busy: u64,

@@ -41,7 +41,7 @@ fn slot(cells: &BufferCells, number: u64) -> &AtomicU64 {
     &cells.entries.0[(number % BUFFER_SLOTS as u64) as usize]
 }
 
-/// The driver's end.
+/// The driver's end: appends entries, and counts them across all drivers of the module.
 pub(crate) struct BufferWriter {
     written: u64,
 }

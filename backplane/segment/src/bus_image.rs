@@ -303,13 +303,13 @@ impl BusLook {
         (look.scan.stale() == 0).then_some(look)
     }
 
-    /// As [`BusCpuSide::coupler`].
+    /// The words of a coupler at the process's last image; see [`BusCpuSide::coupler`].
     #[must_use]
     pub fn coupler(&self, index: usize) -> [u64; COUPLER_WORDS] {
         self.scan.coupler(index)
     }
 
-    /// As [`BusCpuSide::inputs`].
+    /// Copies input bytes of the process's last image; see [`BusCpuSide::inputs`].
     pub fn inputs(&self, at: usize, into: &mut [u8]) {
         self.scan.inputs(at, into);
     }

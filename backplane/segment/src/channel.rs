@@ -8,7 +8,6 @@ use crate::seqlock::{Freshness, SeqCell, SeqReader};
 
 pub use ob1_words::channels::{Channel, ChannelBlock};
 
-/// Direction.
 #[derive(Clone, Copy)]
 pub(crate) enum Way {
     ToCp,

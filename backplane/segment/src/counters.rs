@@ -17,7 +17,7 @@ macro_rules! counters {
             /// All counters, in their order in the segment.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
-            /// Name for reports.
+            /// Name of the counter, as reports print it.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -73,7 +73,7 @@ const _: () = assert!(Counter::ALL.len() <= COUNTER_WORDS);
 pub struct Counters([u64; Counter::ALL.len()]);
 
 impl Counters {
-    /// One counter.
+    /// The counter's value since the segment was made.
     #[must_use]
     pub fn get(&self, counter: Counter) -> u64 {
         self.0.get(counter as usize).copied().unwrap_or(0)
@@ -131,7 +131,7 @@ pub(crate) fn book_lost(cells: &Words<COUNTER_WORDS>) {
 pub struct Ends {
     /// The number: a code of the indicator word, or a STATUS; [`Ends::OTHERS`] for all that found no room.
     pub number: u16,
-    /// How many.
+    /// How many orders ended with it; at most 2^48 - 1.
     pub count: u64,
 }
 

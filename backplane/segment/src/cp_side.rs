@@ -248,7 +248,7 @@ impl CpSide {
         self.cells().cp.state.store(state.to_word(), Ordering::Release);
     }
 
-    /// Shows the LEDs.
+    /// Shows the LEDs of the CP's front; the CPU only displays them.
     pub fn set_leds(&mut self, leds: Leds) {
         self.cells().cp.leds.store(words::leds_to_word(leds), Ordering::Relaxed);
     }

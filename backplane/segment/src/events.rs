@@ -48,7 +48,7 @@ impl EventKind {
     }
 }
 
-/// One event.
+/// An event as the CPU reads it from the ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
     /// Time of the driver's clock, in nanoseconds since its start.

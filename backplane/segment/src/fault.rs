@@ -36,7 +36,7 @@ pub enum SegmentError {
     /// The operating system refused.
     #[error("{action}: {source}")]
     Io {
-        /// What was tried.
+        /// What was being done when it failed ("mapping the segment").
         action: &'static str,
         /// What the system said.
         source: std::io::Error,
@@ -57,7 +57,7 @@ pub enum SegmentError {
     Header {
         /// Name of the field as in `docs/backplane.md`.
         field: &'static str,
-        /// Its content.
+        /// What the word contains instead.
         found: u64,
     },
     /// Another driver is attached: a segment has one at a time.
@@ -72,7 +72,7 @@ pub enum SegmentError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{found} bytes do not fit into {room}")]
 pub struct TooLong {
-    /// Bytes offered.
+    /// Bytes of the data offered.
     pub found: usize,
     /// Bytes there is room for.
     pub room: usize,

@@ -13,7 +13,7 @@ pub(crate) fn format(segment: &Segment, io: IoBytes) {
     write(segment, io);
 }
 
-/// Writes the header.
+/// Writes the header; its version comes last, and only then is the segment valid for others.
 pub(crate) fn write(segment: &Segment, io: IoBytes) {
     for (cell, word, _) in fixed_words(segment) {
         cell.store(word, Ordering::Relaxed);

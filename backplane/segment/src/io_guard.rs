@@ -128,7 +128,7 @@ impl Guardian {
         Self { image, page, safe: words }
     }
 
-    /// The page.
+    /// The page shared with the PLC: signs of life, and who has the outputs.
     #[must_use]
     pub const fn page(&self) -> &GuardPage {
         &self.page

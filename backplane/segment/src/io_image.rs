@@ -98,7 +98,7 @@ impl IoImage {
         self.memory.descriptor()
     }
 
-    /// The other end.
+    /// The end of whoever plays the process: it reads outputs and writes inputs.
     #[must_use]
     pub fn field(&self) -> IoField {
         IoField { memory: self.memory.clone() }

@@ -15,7 +15,7 @@ use crate::io_memory::{AREA_WORDS, ImageCells, Memory};
 pub enum Owner {
     /// No owner: the PLC has ended normally, and its outputs are in their safe state.
     Nobody = 0,
-    /// The PLC.
+    /// The PLC drives them: the outputs follow its process image.
     Cpu = 1,
     /// The guardian, because the PLC has died or stood still for too long: the outputs are in their safe state.
     Guardian = 2,

@@ -68,13 +68,13 @@ pub const ENDS: usize = if cfg!(loom) { 2 } else { 16 };
 pub enum Writer {
     /// The runtime, once, when it makes the segment.
     Maker,
-    /// The CPU side.
+    /// The CPU side: the runtime, in each scan.
     Cpu,
     /// The driver process. While it is down, the runtime clears the fields that show its state.
     Cp,
     /// The driver sets it, the CPU side clears it.
     Both,
-    /// Any program outside.
+    /// Any program outside, at any time; no content is a fault.
     Anyone,
 }
 

@@ -10,7 +10,6 @@ use crate::seqlock::SeqCell;
 pub(crate) struct IoBytes(usize);
 
 impl IoBytes {
-    /// The maximum.
     pub(crate) const MAX: Self = Self(IO_BYTES_MAX);
 
     pub(crate) fn new(bytes: usize) -> Option<Self> {

@@ -105,7 +105,7 @@ impl Segment {
     /// The same for a CP that has boxes.
     ///
     /// # Errors
-    /// As of [`Segment::create_shared`].
+    /// [`SegmentError::Io`]: the system refuses the memory, its size or its seals.
     pub fn create_shared_with_boxes() -> Result<Self, SegmentError> {
         Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES_BOXES)?)
     }
@@ -123,7 +123,8 @@ impl Segment {
     /// The shared segment that another process has handed over.
     ///
     /// # Errors
-    /// As of [`Segment::open`].
+    /// [`SegmentError::NotSealed`], [`SegmentError::Size`] or [`SegmentError::Header`]: it is no segment of this
+    /// version, or could be shrunk while mapped; [`SegmentError::Io`]: it cannot be mapped.
     pub fn received(file: std::os::fd::OwnedFd) -> Result<Self, SegmentError> {
         Self::from_shared(SharedMemory::of(file, &SIZES)?)
     }

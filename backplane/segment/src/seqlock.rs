@@ -140,7 +140,7 @@ impl<const N: usize> SeqReader<N> {
         true
     }
 
-    /// The reader's copy.
+    /// The last copy that was whole; zeros as long as nothing was read.
     #[inline]
     pub(crate) fn last(&self) -> &[u64; N] {
         &self.last

@@ -16,7 +16,7 @@ pub enum DriverState {
     NoParameters,
     /// The parameters are refused; the code is the driver's reason.
     ParameterError(u32),
-    /// At work.
+    /// The parameters are accepted and the line is open.
     Ready,
     /// The line cannot be opened or is gone; the code is the operating system's error number.
     LineError(u32),
@@ -57,7 +57,7 @@ pub enum CpuState {
     Stop,
     /// The start-up OB runs.
     Startup,
-    /// RUN.
+    /// The program runs: scan after scan.
     Run,
 }
 
@@ -109,11 +109,11 @@ pub(crate) fn reason_from_word(word: u64) -> Option<(Reason, u64)> {
 pub struct ModemOutputs {
     /// The CPU drives RTS (otherwise it is the driver's own affair).
     pub drive_rts: bool,
-    /// Request to send.
+    /// RTS, request to send; without `drive_rts` it means nothing.
     pub rts: bool,
     /// The CPU drives DTR (otherwise it is the driver's own affair).
     pub drive_dtr: bool,
-    /// Data terminal ready.
+    /// DTR, data terminal ready; without `drive_dtr` it means nothing.
     pub dtr: bool,
 }
 
@@ -131,13 +131,13 @@ impl ModemOutputs {
 /// State of the modem lines at the CP, in the bit order of the status byte of FC 8 V24_STAT (CTS is bit 0).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ModemInputs {
-    /// Clear to send.
+    /// CTS, clear to send: the partner accepts characters.
     pub cts: bool,
-    /// Data set ready.
+    /// DSR, data set ready: the partner is switched on.
     pub dsr: bool,
-    /// Ring indicator.
+    /// RI, ring indicator: a call comes in.
     pub ri: bool,
-    /// Carrier detect.
+    /// DCD, data carrier detect: the modem hears the other one.
     pub cd: bool,
     /// The CP's own data terminal ready.
     pub dtr: bool,

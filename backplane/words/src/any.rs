@@ -13,7 +13,7 @@ macro_rules! types {
         pub enum AnyType { $($(#[$doc])* $name = $code,)* }
 
         impl AnyType {
-            /// All of them.
+            /// All types, by rising code.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
             /// The type for a type code.
@@ -32,39 +32,39 @@ macro_rules! types {
 }
 
 types! {
-    /// Nothing.
+    /// No memory: the NIL pointer.
     Nil = 0x00: 0,
-    /// BOOL.
+    /// BOOL, a single bit.
     Bool = 0x01: 1,
-    /// BYTE.
+    /// BYTE, 8 bits without a meaning.
     Byte = 0x02: 8,
-    /// CHAR.
+    /// CHAR, a character of one byte.
     Char = 0x03: 8,
-    /// WORD.
+    /// WORD, 16 bits without a meaning.
     Word = 0x04: 16,
-    /// INT.
+    /// INT, 16 bits with sign.
     Int = 0x05: 16,
-    /// DWORD.
+    /// DWORD, 32 bits without a meaning.
     DWord = 0x06: 32,
-    /// DINT.
+    /// DINT, 32 bits with sign.
     DInt = 0x07: 32,
-    /// REAL.
+    /// REAL, IEEE 754 of 32 bits.
     Real = 0x08: 32,
-    /// DATE.
+    /// DATE, days since 1990-01-01.
     Date = 0x09: 16,
-    /// TIME_OF_DAY.
+    /// TIME_OF_DAY, milliseconds since midnight.
     TimeOfDay = 0x0A: 32,
-    /// TIME.
+    /// TIME, milliseconds with sign.
     Time = 0x0B: 32,
-    /// S5TIME.
+    /// S5TIME, three BCD digits and a time base.
     S5Time = 0x0C: 16,
-    /// DATE_AND_TIME.
+    /// DATE_AND_TIME, eight bytes in BCD.
     DateAndTime = 0x0E: 64,
-    /// STRING.
+    /// STRING: maximum length, length and characters, one byte each.
     String = 0x13: 8,
-    /// COUNTER.
+    /// A counter; addressed by its number.
     Counter = 0x1C: 16,
-    /// TIMER.
+    /// A timer; addressed by its number.
     Timer = 0x1D: 16,
 }
 
@@ -73,11 +73,11 @@ types! {
 pub struct Fields {
     /// Type of the elements.
     pub ty: AnyType,
-    /// Number of elements.
+    /// Number of elements (of `ty`), not of bytes.
     pub count: u16,
     /// The data block, 0 outside data blocks.
     pub db: u16,
-    /// Area code.
+    /// Code of the memory area, as in an area pointer: 81h inputs, 83h memory bits, 84h a data block.
     pub area: u8,
     /// Address in bits; for timers and counters their number.
     pub start: u32,
@@ -98,7 +98,7 @@ impl Fields {
         })
     }
 
-    /// The ten bytes.
+    /// The pointer as it lies in memory, most significant byte first.
     #[must_use]
     pub const fn bytes(&self) -> [u8; BYTES] {
         let [count_high, count_low] = self.count.to_be_bytes();

@@ -53,21 +53,21 @@ codes! {
         Send = 1,
         /// AG_RECV, AG_LRECV: waits for data of the partner.
         Receive = 2,
-        /// AG_LOCK.
+        /// AG_LOCK: locks a connection for other blocks.
         Lock = 3,
-        /// AG_UNLOCK.
+        /// AG_UNLOCK: releases a locked connection.
         Unlock = 4,
         /// AG_CNTRL: the data are CMD; eight bytes come back.
         Control = 5,
         /// C_CNTRL: two bytes come back.
         Status = 6,
-        /// USEND.
+        /// USEND: sends without acknowledgement of the partner's program.
         Usend = 7,
-        /// URCV.
+        /// URCV: receives what USEND has sent.
         Urcv = 8,
-        /// BSEND.
+        /// BSEND: sends a large block, acknowledged by the partner's BRCV.
         Bsend = 9,
-        /// BRCV.
+        /// BRCV: receives what BSEND has sent.
         Brcv = 10,
         /// PUT: the data are items with their values.
         Put = 11,
@@ -79,7 +79,7 @@ codes! {
 codes! {
     /// State of a job, reported by the CP.
     State {
-        /// No job.
+        /// The box has no job of the CPU.
         None = 0,
         /// The CP has a number of pieces and requests the next one.
         Collecting = 1,
@@ -87,7 +87,7 @@ codes! {
         Running = 2,
         /// A piece of data for the CPU.
         Giving = 3,
-        /// Ended without error.
+        /// Ended without error; STATUS is 0.
         Done = 4,
         /// Ended with a STATUS.
         Failed = 5,
@@ -101,7 +101,7 @@ pub struct Order {
     pub service: Option<Service>,
     /// Number of the job, never 0.
     pub job: u16,
-    /// The connection.
+    /// Number of the connection: ID of the block's call.
     pub id: u16,
     /// R_ID of the blocks that have one.
     pub r_id: u32,
@@ -119,7 +119,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// No job.
+    /// The header of a box without a job.
     pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, had: 0, room: 0 };
 
     /// The bytes in the box.
@@ -171,7 +171,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// No job.
+    /// The header of a box that answers nothing.
     pub const NONE: Self = Self { state: State::None, job: 0, piece: 0, status: 0, len: 0 };
 
     /// The bytes in the box.
@@ -237,7 +237,7 @@ pub mod status {
     pub const R_ID: u16 = 3;
     /// FB/SFB: the areas of both sides do not match.
     pub const AREA: u16 = 4;
-    /// BSEND, BRCV: reset.
+    /// BSEND, BRCV: the transfer was reset by R or by the partner.
     pub const RESET: u16 = 5;
     /// FB/SFB: the receiving block of the partner is not ready.
     pub const DISABLED: u16 = 6;

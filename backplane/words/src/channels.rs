@@ -18,7 +18,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// Both.
+    /// Both channels of a CP.
     pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
 
     /// Number of the data record by which the CPU reads and writes the channel (RD_REC, WR_REC).
@@ -37,7 +37,7 @@ impl Channel {
     }
 }
 
-/// User data in a block. [reference 1.0]
+/// User data in a block. [CP 341 manual 09/2008, p. 178]
 pub const PIECE: u16 = 32;
 
 /// Position of the user data.
@@ -79,7 +79,7 @@ codes! {
     State {
         /// No start number has been acknowledged, or an unknown state.
         Off = 0,
-        /// No job.
+        /// The CP has no job and can take one.
         Ready = 1,
         /// Data of the job are being received: the number of pieces so far.
         Collecting = 2,
@@ -115,7 +115,7 @@ codes! {
 codes! {
     /// The kind of an offer in the receive channel (byte 12).
     Offered {
-        /// A telegram.
+        /// A telegram of ASCII, 3964(R) or a loadable driver: it has no destination.
         Telegram = 0,
         /// RK 512: data of the partner.
         Receive = 1,
@@ -139,7 +139,7 @@ pub struct Header {
     pub flag: (u16, u16),
 }
 
-/// No coordination flag. [reference 1.1]
+/// No coordination flag. [TIA help "PtP data link CP 341"]
 pub const NO_FLAG: u16 = 255;
 
 /// A job of P_SEND, P_SND_RK or P_PRINT, from byte 8 of the block on.
@@ -149,9 +149,9 @@ pub struct Job {
     pub sf: u8,
     /// Area in the partner.
     pub r_typ: u8,
-    /// Bytes.
+    /// LEN of the call: bytes of the job's data.
     pub len: i16,
-    /// Partner's CPU number.
+    /// R_CPU_NO: CPU number in the partner, for RK 512.
     pub r_cpu_no: i16,
     /// DB in the partner.
     pub r_no: i16,
@@ -159,7 +159,7 @@ pub struct Job {
     pub r_offset: i16,
     /// Coordination flag byte; 255: none.
     pub r_cf_byt: i16,
-    /// Coordination flag bit.
+    /// Bit of the coordination flag, 0 to 7.
     pub r_cf_bit: i16,
 }
 
@@ -368,7 +368,7 @@ impl Block {
         Header { kind, letter: self.0[13], number: self.word(14), offset: self.word(16), flag }
     }
 
-    /// Sets the offer.
+    /// Writes the offer's kind, letter, number, offset and flag (bytes 12 to 21).
     pub fn set_header(&mut self, header: &Header) {
         (self.0[12], self.0[13]) = (header.kind as u8, header.letter);
         let words = [header.number, header.offset, header.flag.0, header.flag.1];
@@ -399,17 +399,17 @@ impl Block {
 
 /// The accompanying signals: input byte 0 (V24_STAT), and bits of output byte 0 (V24_SET).
 pub mod v24 {
-    /// DTR.
+    /// DTR, data terminal ready.
     pub const DTR: u8 = 1 << 0;
-    /// DSR; inputs only.
+    /// DSR, data set ready; inputs only.
     pub const DSR: u8 = 1 << 1;
-    /// RTS.
+    /// RTS, request to send.
     pub const RTS: u8 = 1 << 2;
-    /// CTS; inputs only.
+    /// CTS, clear to send; inputs only.
     pub const CTS: u8 = 1 << 3;
-    /// DCD; inputs only.
+    /// DCD, data carrier detect; inputs only.
     pub const DCD: u8 = 1 << 4;
-    /// RI; inputs only.
+    /// RI, ring indicator; inputs only.
     pub const RI: u8 = 1 << 5;
     /// Outputs: the program drives RTS and DTR.
     pub const DRIVES: u8 = 1 << 7;

@@ -45,9 +45,9 @@ pub mod dp_status {
 
 /// Modes of a DP master: in DPSTATUS, and in the job fields.
 pub mod mode {
-    /// Outputs are active.
+    /// RUN: data are exchanged, outputs are active.
     pub const RUN: u8 = 0;
-    /// Outputs are zero.
+    /// CLEAR: data are exchanged, outputs are sent as zero.
     pub const CLEAR: u8 = 1;
     /// No data are exchanged.
     pub const STOP: u8 = 2;
@@ -55,11 +55,11 @@ pub mod mode {
     pub const OFFLINE: u8 = 3;
 }
 
-/// DTYPE of DP_DIAG.
+/// DTYPE of DP_DIAG: what the block asks for.
 pub mod dtype {
-    /// The station list.
+    /// The station list: one bit per address, set for slaves without data exchange.
     pub const STATIONS: u8 = 0;
-    /// The diagnostic list.
+    /// The diagnostic list: one bit per address, set for slaves with a new diagnosis.
     pub const DIAGNOSES: u8 = 1;
     /// The newest diagnosis of a slave.
     pub const CURRENT: u8 = 2;
@@ -85,9 +85,9 @@ pub mod ctype {
     pub const GLOBAL: u8 = 0;
     /// SYNC, FREEZE, CLEAR cyclically.
     pub const CYCLIC_GLOBAL: u8 = 1;
-    /// Deletes older diagnoses.
+    /// Deletes the older diagnoses that the CP keeps.
     pub const FORGET: u8 = 3;
-    /// Sets the mode.
+    /// Sets the mode of the DP master (see the module `mode`).
     pub const MODE: u8 = 4;
     /// Sets the mode while the CPU is in STOP.
     pub const MODE_CPU_STOP: u8 = 5;
@@ -97,7 +97,7 @@ pub mod ctype {
     pub const INPUTS: u8 = 7;
     /// Reads outputs of a slave of another master.
     pub const OUTPUTS: u8 = 8;
-    /// Ends this reading.
+    /// Ends the reading from a slave of another master.
     pub const END: u8 = 9;
     /// Deactivates or activates a slave.
     pub const SLAVE: u8 = 10;

@@ -14,6 +14,6 @@ pub struct Leds {
 }
 
 impl Leds {
-    /// All LEDs off.
+    /// All LEDs off: the module has no power.
     pub const NONE: Self = Self { power: false, transmit: false, receive: false, error: false };
 }

@@ -31,7 +31,7 @@ codes! {
 /// The reason, as it is now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reason {
-    /// Which.
+    /// What kind of reason; it gives the two numbers their meaning.
     pub why: Why,
     /// What it is about; see [`Why`].
     pub number: u16,

@@ -54,7 +54,7 @@ pub enum Severity {
     Error = 3,
     /// It works, but somebody should look.
     Warning = 4,
-    /// What happens.
+    /// What happens in normal operation.
     Info = 6,
     /// For whoever looks for a fault.
     Debug = 7,
@@ -72,7 +72,7 @@ impl Severity {
 }
 
 enum Message {
-    /// Whole lines.
+    /// Whole lines, each with its end.
     Text(Vec<u8>),
     /// The line below them, in place of the one before; empty: none.
     Live(Vec<u8>),

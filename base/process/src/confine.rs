@@ -28,10 +28,10 @@ const LANDLOCK: ABI = ABI::V6;
 /// How far a process may speak over IP.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Network {
-    /// Not at all.
+    /// No connection over IP.
     #[default]
     None,
-    /// TCP to addresses.
+    /// TCP, to addresses in numbers only.
     Address,
     /// TCP to names too: it reads what the name service needs.
     Name,
@@ -53,7 +53,7 @@ pub struct Confinement {
     pub devices: bool,
     /// It looks at other processes in `/proc`.
     pub processes: bool,
-    /// IP.
+    /// How far it speaks over IP.
     pub network: Network,
     /// Ports to which it may connect even without a network: its own on loopback. A kernel whose landlock has no rules
     /// for TCP allows all.

@@ -37,7 +37,7 @@ struct Fence {
 /// the kernel refused.
 ///
 /// # Errors
-/// Why the variable cannot be used.
+/// The variable is not UTF-8, not JSON of a fence, or names a network that does not exist; in words.
 pub fn raise() -> Result<Vec<Refusal>, String> {
     let Some(text) = std::env::var_os(VARIABLE) else { return Ok(Vec::new()) };
     let fence: Fence = text

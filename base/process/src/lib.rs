@@ -60,7 +60,7 @@ pub fn handed_over() -> Vec<OwnedFd> {
 /// Waits until one of the descriptors is ready, or this long; a signal ends it early.
 ///
 /// # Errors
-/// The system's error.
+/// What poll(2) refuses with, except EINTR: too many descriptors, or no memory.
 pub fn wait(fds: &mut [PollFd<'_>], timeout: Span) -> Result<(), Errno> {
     let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
     match poll(fds, Some(&timeout)) {
@@ -72,7 +72,7 @@ pub fn wait(fds: &mut [PollFd<'_>], timeout: Span) -> Result<(), Errno> {
 /// Reads the doorbell, which is standard input; true at the end of the file.
 ///
 /// # Errors
-/// The system's error.
+/// What read(2) refuses with, except EAGAIN and EINTR: standard input is closed or cannot be read.
 pub fn doorbell_closed() -> Result<bool, Errno> {
     let mut rings = [0; 64];
     match rustix::io::read(rustix::stdio::stdin(), &mut rings) {

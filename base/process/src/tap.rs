@@ -12,7 +12,7 @@ use ob1_socket::seqpacket::{Channel, Listener, Sent};
 use serde_json::Value;
 use tracing::{trace, warn};
 
-/// Maximum of listeners.
+/// Maximum of listeners at a time; further callers are refused.
 const MOST: usize = 4;
 /// Callers handled in one pass; the others wait.
 const CALLERS: usize = 4;
@@ -77,7 +77,7 @@ impl Tap {
         self.listeners.is_empty()
     }
 
-    /// Accepts new listeners.
+    /// Accepts new listeners, a few in each pass; after a failed attempt none for half a second.
     pub fn admit(&mut self, now: Instant) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..CALLERS {

@@ -11,7 +11,7 @@ use crate::confine::{drop_bounding_set, drop_capabilities};
 /// A user, as the system knows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct User {
-    /// Its number.
+    /// The user's number; 0 is root.
     pub uid: u32,
     /// The number of its group.
     pub gid: u32,
@@ -22,7 +22,7 @@ impl User {
     /// The user of this name.
     ///
     /// # Errors
-    /// There is none.
+    /// `NotFound`: the system knows no user of this name; `InvalidInput`: the name contains a zero.
     pub fn find(name: &str) -> io::Result<Self> {
         let name = CString::new(name)?;
         // SAFETY: the name ends with a zero, and no other thread runs yet that could ask for another user and so

@@ -24,7 +24,7 @@ pub enum Kind {
     Hello = 0,
     /// Characters handed to the line.
     Out = 1,
-    /// Characters received.
+    /// Characters received from the line.
     In = 2,
     /// Everything handed to the line has been sent.
     Done = 3,
@@ -34,7 +34,7 @@ pub enum Kind {
     Gone = 5,
     /// The line is up.
     Up = 6,
-    /// Modem lines: [`ModemLines::bits`](crate::ModemLines::bits).
+    /// New state of the modem lines, as [`ModemLines::bits`](crate::ModemLines::bits).
     Modem = 7,
     /// The number of records (8 bytes) lost before this one because nobody fetched them.
     Lost = 8,
@@ -65,9 +65,9 @@ impl Kind {
 pub struct Record<'a> {
     /// When, by the clock of the driver.
     pub time: Instant,
-    /// Its kind.
+    /// What happened; it gives `data` their form.
     pub kind: Kind,
-    /// Its data.
+    /// What belongs to the kind; empty for some.
     pub data: &'a [u8],
 }
 

@@ -7,7 +7,7 @@ use crate::Span;
 /// Parity bit of a character.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Parity {
-    /// No parity bit.
+    /// Characters have no parity bit.
     #[default]
     None,
     /// Odd number of ones.
@@ -19,22 +19,22 @@ pub enum Parity {
 /// Stop bits of a character.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum StopBits {
-    /// 1.
+    /// One stop bit after each character.
     #[default]
     One,
     /// 1.5: the CPs have it as a parameter, Linux does not support it.
     OneAndHalf,
-    /// 2.
+    /// Two stop bits after each character.
     Two,
 }
 
-/// Flow control.
+/// Who may stop the sender, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Flow {
-    /// None.
+    /// The sender never waits.
     #[default]
     None,
-    /// RTS and CTS.
+    /// By the modem lines RTS and CTS.
     Hardware,
     /// XON = 11h, XOFF = 13h.
     XonXoff,
@@ -43,15 +43,15 @@ pub enum Flow {
 /// The settings of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LineSettings {
-    /// Bits per second.
+    /// Bits per second, as on the wire.
     pub baud: u32,
-    /// Data bits, 5..8.
+    /// Data bits of a character, 5 to 8.
     pub data_bits: u8,
-    /// Parity bit.
+    /// Parity bit of a character.
     pub parity: Parity,
-    /// Stop bits.
+    /// Stop bits of a character.
     pub stop_bits: StopBits,
-    /// Flow control.
+    /// Flow control in both directions.
     pub flow: Flow,
     /// One side at a time sends: two wires, or a protocol of requests and answers. What comes while the line sends is
     /// not heard, and an adapter that gives back what is sent is found.

@@ -5,9 +5,9 @@ use core::fmt;
 /// A fault of a line. The first four take the place of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
-    /// Wrong parity bit.
+    /// The parity bit of a character is wrong.
     Parity,
-    /// Stop bit missing.
+    /// The stop bit of a character is missing.
     Framing,
     /// Characters were lost because nobody fetched them.
     Overrun,
@@ -24,11 +24,11 @@ pub enum LineFault {
 pub struct ModemLines {
     /// Clear to send: the partner (or modem) accepts characters.
     pub cts: bool,
-    /// Data set ready.
+    /// Data set ready: the partner (or modem) is switched on.
     pub dsr: bool,
-    /// Ring indicator.
+    /// Ring indicator: the modem signals a call.
     pub ri: bool,
-    /// Carrier detect.
+    /// Carrier detect: the modem hears the other one.
     pub cd: bool,
 }
 

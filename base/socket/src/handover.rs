@@ -26,7 +26,8 @@ pub fn pair() -> io::Result<(OwnedFd, OwnedFd)> {
 /// Sends one message with descriptors. Never waits.
 ///
 /// # Errors
-/// The system's error; too many descriptors.
+/// `InvalidInput`: more than [`DESCRIPTORS_MAX`] descriptors; otherwise what sendmsg(2) refuses with, `WouldBlock` if
+/// the other end does not read.
 pub fn send(socket: impl AsFd, message: &[u8], descriptors: &[BorrowedFd<'_>]) -> io::Result<()> {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(DESCRIPTORS_MAX))];
     let mut ancillary = SendAncillaryBuffer::new(&mut space);

@@ -31,7 +31,7 @@ pub enum Sent {
 }
 
 impl Channel {
-    /// Connects.
+    /// Connects to a listener of this path; never waits.
     ///
     /// # Errors
     /// The system's error; `NotFound` and `ConnectionRefused`: nobody listens (yet).
@@ -41,7 +41,7 @@ impl Channel {
         Ok(Self(fd))
     }
 
-    /// Sends one message.
+    /// Sends one message whole, or not at all.
     ///
     /// # Errors
     /// The other end is gone.
@@ -56,7 +56,7 @@ impl Channel {
     /// The next message, `None` if there is none now. An empty one is the end of the connection.
     ///
     /// # Errors
-    /// The system's error.
+    /// What recv(2) refuses with: the other end is gone (`ConnectionReset`).
     pub fn receive<'a>(&self, buffer: &'a mut [u8]) -> io::Result<Option<&'a [u8]>> {
         match recv(&self.0, &mut *buffer, RecvFlags::DONTWAIT) {
             Ok((length, _)) => Ok(Some(&buffer[..length])),
@@ -72,7 +72,7 @@ impl AsFd for Channel {
     }
 }
 
-/// A listening socket.
+/// A socket that accepts callers; its file is removed with it.
 #[derive(Debug)]
 pub struct Listener {
     fd: OwnedFd,
@@ -105,7 +105,7 @@ impl Listener {
     /// The next caller, if there is one.
     ///
     /// # Errors
-    /// The system's error.
+    /// What accept(2) refuses with: no descriptor or no memory left.
     pub fn accept(&self) -> io::Result<Option<Channel>> {
         match accept_with(&self.fd, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
             Ok(fd) => Ok(Some(Channel(fd))),

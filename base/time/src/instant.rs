@@ -9,7 +9,7 @@ use crate::Span;
 pub struct Instant(u64);
 
 impl Instant {
-    /// The clock's start.
+    /// The instant at which the clock began to count.
     pub const START: Self = Self(0);
     /// Later than everything: as a deadline, never.
     pub const NEVER: Self = Self(u64::MAX);

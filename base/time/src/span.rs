@@ -8,18 +8,18 @@ use core::time::Duration;
 pub struct Span(u64);
 
 impl Span {
-    /// No time.
+    /// No time at all.
     pub const ZERO: Self = Self(0);
-    /// The longest.
+    /// The longest span, about 584 years.
     pub const MAX: Self = Self(u64::MAX);
-    /// One microsecond.
+    /// The span of one microsecond.
     pub const MICROSECOND: Self = Self(1_000);
-    /// One millisecond.
+    /// The span of one millisecond.
     pub const MILLISECOND: Self = Self(1_000_000);
-    /// One second.
+    /// The span of one second.
     pub const SECOND: Self = Self(1_000_000_000);
 
-    /// So many nanoseconds.
+    /// A span of so many nanoseconds.
     #[must_use]
     #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
@@ -47,28 +47,28 @@ impl Span {
         Self::SECOND.times(secs)
     }
 
-    /// Nanoseconds.
+    /// The span in nanoseconds, exactly.
     #[must_use]
     #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
-    /// Whole microseconds.
+    /// Microseconds, rounded down to whole ones.
     #[must_use]
     #[inline]
     pub const fn micros(self) -> u64 {
         self.0 / Self::MICROSECOND.0
     }
 
-    /// Whole milliseconds.
+    /// Milliseconds, rounded down to whole ones.
     #[must_use]
     #[inline]
     pub const fn millis(self) -> u64 {
         self.0 / Self::MILLISECOND.0
     }
 
-    /// Whole seconds.
+    /// Seconds, rounded down to whole ones.
     #[must_use]
     #[inline]
     pub const fn secs(self) -> u64 {

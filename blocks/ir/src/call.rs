@@ -4,7 +4,7 @@ use ob1_model::{BitAddr, BlockId, BlockKind};
 
 use crate::place::{Number, Operand};
 
-/// Who is called.
+/// Which block is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A block known by number.
@@ -19,7 +19,7 @@ pub enum Target {
 /// How it is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CallMode {
-    /// `CALL`: with parameters.
+    /// `CALL`: with actual parameters.
     Call,
     /// `UC`: with the pointers of [`Arg::Raw`], or nothing.
     Unconditional,
@@ -27,7 +27,7 @@ pub enum CallMode {
     Conditional,
 }
 
-/// An actual parameter.
+/// An actual parameter, as the callee gets it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Arg {
     /// Not supplied (allowed for an FB's parameters: the instance keeps its value).
@@ -52,12 +52,12 @@ pub enum Arg {
     Raw(u32),
 }
 
-/// A call statement.
+/// A call statement with its actuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call {
-    /// `CALL`, `UC`, `CC`.
+    /// How it is called: `CALL`, `UC` or `CC`.
     pub mode: CallMode,
-    /// Who.
+    /// Which block it enters.
     pub target: Target,
     /// Instance data block of an FB, or the data block that a [`Target::Local`] lies in.
     pub instance: Option<Number>,

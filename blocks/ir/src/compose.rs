@@ -113,7 +113,7 @@ pub struct Handed {
     pub byte: u32,
     /// Type code and count of an ANY.
     pub any: Option<(u8, u16)>,
-    /// The variable.
+    /// Where the variable lies in the instance.
     pub to: BitAddr,
 }
 

@@ -3,34 +3,34 @@
 /// The form a constant is best shown in. Machine code keeps it beside the value; for execution it means nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Notation {
-    /// `B#16#FF`.
+    /// A byte in hexadecimal: `B#16#FF`.
     Byte,
-    /// `W#16#FFFF`.
+    /// A word in hexadecimal: `W#16#FFFF`.
     Word,
-    /// `DW#16#FFFFFFFF`.
+    /// A double word in hexadecimal: `DW#16#FFFFFFFF`.
     DWord,
-    /// `2#1010`.
+    /// Bits, as many as needed: `2#1010`.
     Binary,
-    /// `-5`.
+    /// A decimal number of 16 bits: `-5`.
     Int,
-    /// `L#-5`.
+    /// A decimal number of 32 bits: `L#-5`.
     DInt,
-    /// `1.5e+000`.
+    /// A floating-point number: `1.5e+000`.
     Real,
-    /// `'AB'`.
+    /// One to four characters: `'AB'`.
     Text,
-    /// `B#(1,2)` or `B#(1,2,3,4)`.
+    /// Two or four decimal bytes: `B#(1,2)` or `B#(1,2,3,4)`.
     Bytes,
-    /// `C#127`.
+    /// A count value in BCD: `C#127`.
     Count,
-    /// `D#1994-3-15`.
+    /// A date, in days: `D#1994-3-15`.
     Date,
-    /// `S5T#2S`.
+    /// A time in BCD with its base: `S5T#2S`.
     S5Time,
-    /// `T#2S`.
+    /// A time in milliseconds: `T#2S`.
     Time,
-    /// `TOD#12:30:0.0`.
+    /// A time of day in milliseconds: `TOD#12:30:0.0`.
     TimeOfDay,
-    /// `P#M 1.0`.
+    /// An area pointer: `P#M 1.0`.
     Pointer,
 }

@@ -15,7 +15,7 @@ pub enum Logic {
 }
 
 impl Logic {
-    /// Every combination.
+    /// Every combination, each once.
     pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
 }
 
@@ -36,7 +36,7 @@ pub enum StatusBit {
 }
 
 impl StatusBit {
-    /// Every condition.
+    /// Every condition, each once.
     pub const ALL: [Self; 10] = [
         Self::Zero,
         Self::Positive,
@@ -56,7 +56,7 @@ impl StatusBit {
 pub enum BitTest {
     /// A bit in memory.
     Bit(Place),
-    /// A timer's state.
+    /// A timer's state, as a scan gives it.
     Timer(Number),
     /// A counter's state: 1 when its value is not 0.
     Counter(Number),
@@ -74,7 +74,7 @@ pub enum NumberFormat {
 }
 
 impl NumberFormat {
-    /// Every format.
+    /// Every format, each once.
     pub const ALL: [Self; 3] = [Self::Int, Self::DInt, Self::Real];
 }
 
@@ -91,7 +91,7 @@ pub enum Compare {
 }
 
 impl Compare {
-    /// Every comparison.
+    /// Every comparison, each once.
     pub const ALL: [Self; 6] =
         [Self::Equal, Self::NotEqual, Self::Greater, Self::Less, Self::GreaterEqual, Self::LessEqual];
 }
@@ -104,16 +104,16 @@ pub enum AccuOp {
     Sub,
     Mul,
     Div,
-    /// `MOD`, DINT only.
+    /// `MOD`: the rest of a division, DINT only.
     Mod,
 }
 
 impl AccuOp {
-    /// Every operation.
+    /// Every operation, each once.
     pub const ALL: [Self; 5] = [Self::Add, Self::Sub, Self::Mul, Self::Div, Self::Mod];
 }
 
-/// Word logic.
+/// Word logic, bit by bit, of words and double words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum WordLogic {
@@ -123,28 +123,28 @@ pub enum WordLogic {
 }
 
 impl WordLogic {
-    /// Every combination.
+    /// Every combination, each once.
     pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
 }
 
-/// Shifts and rotates.
+/// Shifts and rotates of ACCU1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shift {
-    /// `SLW`.
+    /// `SLW`: left, word, zeros come in.
     LeftWord,
-    /// `SRW`.
+    /// `SRW`: right, word, zeros come in.
     RightWord,
     /// `SSI`: right with sign, integer.
     RightInt,
-    /// `SLD`.
+    /// `SLD`: left, double word, zeros come in.
     LeftDWord,
-    /// `SRD`.
+    /// `SRD`: right, double word, zeros come in.
     RightDWord,
     /// `SSD`: right with sign, double integer.
     RightDInt,
-    /// `RLD`.
+    /// `RLD`: left around, double word.
     RotateLeft,
-    /// `RRD`.
+    /// `RRD`: right around, double word.
     RotateRight,
 }
 
@@ -162,7 +162,7 @@ impl Shift {
     ];
 }
 
-/// Conversions of ACCU1.
+/// Conversions of the value in ACCU1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "German mnemonics of the reference")]
 pub enum Convert {
@@ -189,7 +189,7 @@ pub enum Convert {
 }
 
 impl Convert {
-    /// Every conversion.
+    /// Every conversion, each once.
     pub const ALL: [Self; 18] = [
         Self::Bti,
         Self::Itb,
@@ -229,7 +229,7 @@ pub enum MathFn {
 }
 
 impl MathFn {
-    /// Every function.
+    /// Every function, each once.
     pub const ALL: [Self; 10] = [
         Self::Sqr,
         Self::Sqrt,
@@ -247,7 +247,7 @@ impl MathFn {
 /// Jump conditions; German mnemonics in the documentation of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Jump {
-    /// `SPA`.
+    /// `SPA`: always, whatever the RLO is.
     Always,
     /// `SPB`: RLO = 1.
     IfRlo,
@@ -282,7 +282,7 @@ pub enum Jump {
 }
 
 impl Jump {
-    /// Every condition.
+    /// Every condition, each once.
     pub const ALL: [Self; 16] = [
         Self::Always,
         Self::IfRlo,
@@ -307,7 +307,7 @@ impl Op {
     /// The numbers of [`Op::Build`].
     pub const BUILDS: std::ops::RangeInclusive<u8> = 100..=103;
 
-    /// `BLD n`.
+    /// `BLD n`: a mark of a graphical network, or no operation.
     #[must_use]
     pub fn build(number: u8) -> Self {
         if Self::BUILDS.contains(&number) { Op::Build(number) } else { Op::Nop }
@@ -321,42 +321,42 @@ pub enum Op {
     Scan {
         /// And, or, exclusive or.
         logic: Logic,
-        /// Scan for 0.
+        /// The scan is for 0: `UN`, `ON`, `XN`.
         negate: bool,
-        /// What is scanned.
+        /// The bit, timer, counter or condition that is scanned.
         test: BitTest,
     },
     /// `U( UN( O( ON( X( XN(`.
     Open {
         /// How the bracket's result will be combined.
         logic: Logic,
-        /// Negated.
+        /// The bracket's result is negated: `UN(`, `ON(`, `XN(`.
         negate: bool,
     },
-    /// `)`.
+    /// `)`: ends the bracket opened last.
     Close,
     /// `O` without operand: and before or.
     OrBranch,
-    /// `=`.
+    /// `=`: the bit gets the RLO.
     Assign(Place),
-    /// `S`.
+    /// `S`: with RLO 1 the bit becomes 1.
     Set(Place),
-    /// `R`.
+    /// `R`: with RLO 1 the bit becomes 0.
     Reset(Place),
     /// `FP` with its edge memory bit.
     EdgePositive(Place),
     /// `FN` with its edge memory bit.
     EdgeNegative(Place),
-    /// `SET`.
+    /// `SET`: the RLO becomes 1.
     SetRlo,
-    /// `CLR`.
+    /// `CLR`: the RLO becomes 0.
     ClearRlo,
-    /// `NOT`.
+    /// `NOT`: the RLO becomes its opposite.
     NotRlo,
-    /// `SAVE`.
+    /// `SAVE`: the RLO goes into BR.
     SaveRlo,
 
-    /// `L operand`.
+    /// `L operand`: into ACCU1, the old ACCU1 into ACCU2.
     Load(Operand),
     /// `L constant`: the 32 bits loaded into ACCU1.
     LoadConst(u32),
@@ -378,19 +378,19 @@ pub enum Op {
         /// Where in the local data the copy goes.
         at: BitAddr,
     },
-    /// `T operand`.
+    /// `T operand`: ACCU1 into memory, by its width.
     Transfer(Operand),
-    /// `L STW`.
+    /// `L STW`: the status word into ACCU1.
     LoadStatus,
-    /// `T STW`.
+    /// `T STW`: ACCU1 into the status word.
     TransferStatus,
     /// `L T n`: the time as integer in units of its base.
     LoadTimer(Number),
     /// `LC T n`: as BCD with its base.
     LoadTimerBcd(Number),
-    /// `L Z n`.
+    /// `L Z n`: the count as integer.
     LoadCounter(Number),
-    /// `LC Z n`.
+    /// `LC Z n`: the count as BCD.
     LoadCounterBcd(Number),
     /// `L DBLG`, `L DILG`.
     LoadDbLength(DbRegister),
@@ -401,61 +401,61 @@ pub enum Op {
     Arithmetic(NumberFormat, AccuOp),
     /// `+ constant`: to ACCU1 as INT (word constant) or DINT (`L#`); no flags.
     AddConst {
-        /// Int or DInt.
+        /// Width of the addition: Int or DInt.
         format: NumberFormat,
-        /// What is added.
+        /// The constant that is added.
         value: i32,
     },
     /// `==I <>D >=R ...`.
     Compare(NumberFormat, Compare),
     /// `UW OW XOW`; the constant form combines with ACCU1 instead of ACCU2.
     WordLogic(WordLogic, Option<u16>),
-    /// `UD OD XOD`.
+    /// `UD OD XOD`: the same with double words.
     DWordLogic(WordLogic, Option<u32>),
     /// Shift or rotate by a constant or, without one, by ACCU2-L-L.
     Shift(Shift, Option<u8>),
     /// `RLDA`: rotate left through CC1 by one.
     RotateLeftCc1,
-    /// `RRDA`.
+    /// `RRDA`: rotate right through CC1 by one.
     RotateRightCc1,
-    /// Conversions.
+    /// A conversion of ACCU1: `BTI`, `ITD`, `RND` and so on.
     Convert(Convert),
-    /// Floating-point functions.
+    /// A floating-point function of ACCU1: `SQRT`, `SIN` and so on.
     Math(MathFn),
     /// `TAK`: exchange ACCU1 and ACCU2.
     ExchangeAccus,
-    /// `PUSH`.
+    /// `PUSH`: values move one accumulator up; ACCU1 keeps its own.
     Push,
-    /// `POP`.
+    /// `POP`: values move one accumulator down.
     Pop,
-    /// `ENT`.
+    /// `ENT`: ACCU2 and ACCU3 move one up (four accumulators).
     Enter,
-    /// `LEAVE`.
+    /// `LEAVE`: ACCU3 and ACCU4 move one down (four accumulators).
     Leave,
-    /// `INC n`, ACCU1-L-L.
+    /// `INC n`: adds to ACCU1-L-L, without flags.
     Increment(u8),
-    /// `DEC n`.
+    /// `DEC n`: subtracts from ACCU1-L-L, without flags.
     Decrement(u8),
 
     /// `LAR1`, `LAR2` from ACCU1.
     LoadAr(AddressRegister),
     /// `LAR1 P#..`: the whole 32-bit pointer.
     LoadArConst(AddressRegister, u32),
-    /// `LAR1 MD 20`.
+    /// `LAR1 MD 20`: an address register from memory.
     LoadArFrom(AddressRegister, Operand),
-    /// `LAR1 AR2`.
+    /// `LAR1 AR2`: AR1 gets AR2.
     CopyAr2ToAr1,
     /// `TAR1`, `TAR2` into ACCU1.
     TransferAr(AddressRegister),
-    /// `TAR1 MD 20`.
+    /// `TAR1 MD 20`: an address register into memory.
     TransferArTo(AddressRegister, Operand),
-    /// `TAR1 AR2`.
+    /// `TAR1 AR2`: AR2 gets AR1.
     CopyAr1ToAr2,
     /// `TAR`: exchange AR1 and AR2.
     ExchangeArs,
-    /// `+AR1` from ACCU1-L.
+    /// `+AR1`: adds ACCU1-L to an address register.
     AddAr(AddressRegister),
-    /// `+AR1 P#..`.
+    /// `+AR1 P#..`: adds an offset to an address register.
     AddArConst(AddressRegister, BitAddr),
 
     /// `AUF DB n`, `AUF DI n`.
@@ -465,19 +465,19 @@ pub enum Op {
 
     /// `SI SV SE SS SA T n`, time in ACCU1-L.
     StartTimer(TimerKind, Number),
-    /// `R T n`.
+    /// `R T n`: with RLO 1 the timer stops.
     ResetTimer(Number),
-    /// `FR T n`.
+    /// `FR T n`: an edge of the RLO lets the timer start anew.
     EnableTimer(Number),
-    /// `ZV Z n`.
+    /// `ZV Z n`: an edge of the RLO counts up.
     CountUp(Number),
-    /// `ZR Z n`.
+    /// `ZR Z n`: an edge of the RLO counts down.
     CountDown(Number),
     /// `S Z n`, BCD value in ACCU1-L.
     SetCounter(Number),
-    /// `R Z n`.
+    /// `R Z n`: with RLO 1 the count becomes 0.
     ResetCounter(Number),
-    /// `FR Z n`.
+    /// `FR Z n`: an edge of the RLO lets the counter see its edges anew.
     EnableCounter(Number),
 
     /// A jump to the statement with this index.
@@ -492,19 +492,19 @@ pub enum Op {
         otherwise: u32,
     },
 
-    /// `CALL`, `UC`, `CC`.
+    /// A call: `CALL`, `UC` or `CC`.
     Call(Box<Call>),
-    /// `BE`, `BEA`.
+    /// The block ends: `BE` or `BEA`.
     End,
     /// `BEB`: end when RLO = 1.
     EndIf,
-    /// `MCRA`.
+    /// `MCRA`: the master control relay is in force from here.
     McrActivate,
-    /// `MCRD`.
+    /// `MCRD`: it is in force no more.
     McrDeactivate,
-    /// `MCR(`.
+    /// `MCR(`: begins a zone that the RLO switches.
     McrOpen,
-    /// `)MCR`.
+    /// `)MCR`: ends the zone begun last.
     McrClose,
     /// `NOP 0`, `NOP 1`, and every `BLD n` that is no [`Op::Build`].
     Nop,

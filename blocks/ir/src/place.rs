@@ -57,14 +57,14 @@ pub enum Place {
 pub struct Operand {
     /// Bit, byte, word, double word.
     pub width: Width,
-    /// Where.
+    /// Where the operand lies.
     pub place: Place,
 }
 
 /// The number of a timer, counter or block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Number {
-    /// `T 5`.
+    /// A number in the statement: `T 5`.
     Fixed(u16),
     /// `T [MW 20]`: a word holds the number.
     Memory(Pointer),

@@ -6,10 +6,10 @@ use crate::call::Arg;
 use crate::op::Op;
 use crate::place::Place;
 
-/// One statement.
+/// A statement with its place in the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stmt {
-    /// What it does.
+    /// The operation that it does.
     pub op: Op,
     /// Network number, from 1.
     pub network: u16,
@@ -20,7 +20,7 @@ pub struct Stmt {
 /// A block of statements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeBlock {
-    /// Kind and number.
+    /// Kind and number of the block.
     pub id: BlockId,
     /// The name of its header or symbol, when it has one.
     pub name: Option<String>,
@@ -29,7 +29,7 @@ pub struct CodeBlock {
     pub interface: Interface,
     /// The statements; running past the last one ends the block.
     pub code: Vec<Stmt>,
-    /// Index into [`Program::sources`].
+    /// Its source: an index into [`Program::sources`].
     pub source: u32,
 }
 
@@ -80,20 +80,20 @@ pub enum DataKind {
     Instance(BlockId),
 }
 
-/// A data block.
+/// A data block with its load values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataBlock {
     /// The number, from 1.
     pub number: u16,
     /// The name of its header or symbol.
     pub name: Option<String>,
-    /// Global or instance.
+    /// Whether it is global, or the instance of a function block.
     pub kind: DataKind,
     /// The load values; its length is the data block's length.
     pub bytes: Vec<u8>,
     /// The declarations, composed types whole; [`Component::find`] leads into them, for `DB10.sub[3].name` in tools.
     pub components: Vec<Component>,
-    /// `READ_ONLY`.
+    /// `READ_ONLY`: the program cannot write it.
     pub read_only: bool,
     /// `NON_RETAIN`: no restart and no power cycle keeps its values.
     pub non_retain: bool,
@@ -112,14 +112,14 @@ pub struct Symbol {
     pub comment: String,
 }
 
-/// A compiled program.
+/// A compiled program, not verified yet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Program {
     /// Code blocks, any order, each id once.
     pub blocks: Vec<CodeBlock>,
     /// Data blocks, any order, each number once.
     pub data: Vec<DataBlock>,
-    /// Symbols.
+    /// Symbols of the symbol tables.
     pub symbols: Vec<Symbol>,
     /// Names of the source files.
     pub sources: Vec<String>,

@@ -36,7 +36,7 @@ impl<T: Borrow<Program>> Deref for Verified<T> {
     }
 }
 
-/// What is wrong.
+/// What is wrong with a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Defect {
     /// Two blocks have this name.
@@ -128,9 +128,9 @@ impl fmt::Display for Defect {
 pub struct Finding {
     /// The block, for defects within one.
     pub block: Option<BlockId>,
-    /// The statement's index.
+    /// Index of the statement; `None`: the block as a whole.
     pub statement: Option<u32>,
-    /// What is wrong.
+    /// What is wrong there.
     pub defect: Defect,
 }
 

@@ -11,7 +11,7 @@ use crate::tree::Tree;
 /// The tree of a network, as STEP 7 would draw it; where it would not, as its statements can be drawn all the same.
 ///
 /// # Errors
-/// Why it stays statements.
+/// [`Reason`]: the first thing that no drawing has, so that the network stays statements.
 pub fn read(network: &Network) -> Result<Tree, Reason> {
     let first = match checked(network, Mode::Step7) {
         Ok(tree) => return Ok(tree),
@@ -24,7 +24,7 @@ pub fn read(network: &Network) -> Result<Tree, Reason> {
 /// The tree of a network, only if STEP 7 would draw it.
 ///
 /// # Errors
-/// Why it would not.
+/// [`Reason`]: the first thing that STEP 7 would not draw.
 pub fn read_step7(network: &Network) -> Result<Tree, Reason> {
     checked(network, Mode::Step7)
 }

@@ -14,7 +14,7 @@ use crate::tree::{Body, BoxNode, Coil, End, Kind, Node, Rung, Tree};
 /// What is known of a node or wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
-    /// Fulfilled: green, continuous.
+    /// Fulfilled: green, drawn as a continuous line.
     On,
     /// Not fulfilled: blue, dotted.
     Off,

@@ -4,7 +4,7 @@ use ob1_ir::{BitTest, Jump, Logic, Op, Place, StatusBit};
 
 use crate::tree::{Body, BoxNode, Coil, End, Eno, Input, Kind, Node, Rung, Saves, Tree, Value};
 
-/// A generated statement.
+/// A statement made of a tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Made {
     /// Its operation; the target of a box's own jump is not known to it.

@@ -8,7 +8,7 @@ use crate::tree::{Body, BoxNode, End, Kind, Node, Rung, Tree};
 /// What has become of a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
-    /// In both.
+    /// In both, with the same operands.
     #[default]
     Same,
     /// In the older one only; its names begin with `-`.

@@ -8,18 +8,18 @@ use ob1_model::{BlockId, Interface, Section};
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Callees, Listing, Printer, Shown};
 
-/// One network.
+/// A network of a block, with the texts it is shown by.
 #[derive(Clone, Debug, Default)]
 pub struct Network {
-    /// From 1.
+    /// Its number, from 1.
     pub number: u16,
-    /// Its title.
+    /// Its title; empty without one.
     pub title: String,
-    /// Its comment.
+    /// Its comment; empty without one.
     pub comment: String,
     /// The label of its first statement.
     pub label: String,
-    /// Its statements.
+    /// Its statements, in their order.
     pub statements: Vec<Statement>,
     /// The operations that jumps lead to, and how many lead to each. Of the network's own only.
     pub(crate) targets: BTreeMap<u32, u32>,
@@ -44,16 +44,16 @@ pub struct Statement {
     pub(crate) jumps_to_network: bool,
 }
 
-/// An actual parameter.
+/// An actual parameter of a call, as it is shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Actual {
     /// Its place among the call's arguments.
     pub argument: u16,
-    /// The formal's name.
+    /// Name of its formal.
     pub name: String,
     /// The actual: an address, a constant, `#name`.
     pub text: String,
-    /// The actual's symbol.
+    /// Symbol of the actual; empty without one.
     pub symbol: String,
     /// At the right side of the box.
     pub is_output: bool,

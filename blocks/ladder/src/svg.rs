@@ -11,7 +11,7 @@ use crate::tree::{End, Node, Rung, Tree};
 
 const ACROSS: usize = 8;
 const DOWN: usize = 16;
-/// Around the drawing.
+/// Pixels around the drawing.
 const MARGIN: usize = 8;
 
 /// Classes and their colours. A file stands alone; a page may have its own.
@@ -65,7 +65,7 @@ pub const fn size(drawing: &Drawing) -> [usize; 2] {
     [drawing.width * ACROSS + 2 * MARGIN, drawing.height * DOWN + 2 * MARGIN]
 }
 
-/// `Network 3: title`.
+/// Number and title: `Network 3: title`.
 #[must_use]
 pub fn heading(network: &Network) -> String {
     let colon = if network.title.is_empty() { "" } else { ": " };

@@ -10,7 +10,7 @@ const WEST: u8 = 8;
 /// A cell of the grid: its character, and what it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cell {
-    /// The character.
+    /// The character that stands in it.
     pub sign: char,
     /// Where wires leave it, as bits.
     wires: u8,

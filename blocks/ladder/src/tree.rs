@@ -28,9 +28,9 @@ pub struct Rung {
 /// The logic at a Boolean input of a call, and the bit that carries its result there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
-    /// The logic.
+    /// The logic in front of the input.
     pub logic: Node,
-    /// The compiler's bit.
+    /// The compiler's bit, in local data that nobody has declared.
     pub carried: Place,
 }
 
@@ -41,7 +41,7 @@ pub struct Node {
     pub id: u32,
     /// Its statements, as indices into [`crate::Network::statements`].
     pub statements: Range<u32>,
-    /// What it is.
+    /// What it is, with its parts.
     pub kind: Kind,
 }
 
@@ -50,23 +50,23 @@ pub struct Node {
 pub enum Kind {
     /// `U b`, `UN b`, `O b`, `X b`.
     Contact {
-        /// Normally closed.
+        /// Normally closed: it asks for 0.
         negate: bool,
-        /// What it asks.
+        /// What it asks: a bit, timer, counter or condition.
         test: BitTest,
     },
     /// The begin of an arm: the bit that keeps what its branch had.
     Wire {
-        /// `UN t`.
+        /// The arm begins with `UN t` instead of `U t`.
         negate: bool,
-        /// The bit.
+        /// The compiler's bit that keeps it.
         carried: Place,
     },
-    /// `NOT`.
+    /// `NOT`: what comes from the left, inverted.
     Not,
     /// `FP m`, `FN m`.
     Edge {
-        /// `FP`.
+        /// True for `FP`, false for `FN`.
         rising: bool,
         /// The bit with the state before.
         memory: Place,
@@ -77,20 +77,20 @@ pub enum Kind {
     Connector(Place),
     /// One behind the other.
     Series {
-        /// In order.
+        /// The parts, from left to right.
         items: Vec<Node>,
         /// The first item stands without the brackets that STEP 7 would write.
         bare: bool,
     },
     /// One below the other.
     Parallel(Vec<Node>),
-    /// Exclusive or.
+    /// Exclusive or of these parts.
     Xor(Vec<Node>),
     /// `UN( .. )`, `ON( .. )`, `XN( .. )`.
     Negated(Box<Node>),
     /// `L v; L v; >I`.
     Compare {
-        /// The two values.
+        /// The two values that are loaded.
         values: [Value; 2],
         /// I, D or R.
         format: NumberFormat,
@@ -101,12 +101,12 @@ pub enum Kind {
     Box(Box<BoxNode>),
 }
 
-/// A box.
+/// A box with its pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoxNode {
     /// What comes from the left to its first input: S, R, CU, EN. `None`: the rail, only at EN.
     pub input: Option<Node>,
-    /// What it does.
+    /// What it does, with its other pins.
     pub body: Body,
     /// Its output goes on: Q or ENO.
     pub used: bool,
@@ -115,42 +115,42 @@ pub struct BoxNode {
 /// What a box does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
-    /// SR and RS.
+    /// A flip-flop: SR and RS.
     Latch {
-        /// The bit.
+        /// The bit that it sets and resets.
         place: Place,
         /// `S` first: reset has priority, SR.
         set_first: bool,
-        /// The other input.
+        /// The other input: R of SR, S of RS. `None`: open.
         second: Option<Node>,
     },
     /// S_PULSE, S_PEXT, S_ODT, S_ODTS, S_OFFDT.
     Timer {
-        /// TV.
+        /// TV: the time that is loaded.
         time: Value,
-        /// `SE T 1`.
+        /// The start statement: `SE T 1`.
         start: Value,
-        /// R.
+        /// R: logic that resets. `None`: open.
         reset: Option<Node>,
         /// BI and BCD: what is loaded and where it goes.
         outputs: [Option<[Value; 2]>; 2],
     },
-    /// S_CU, S_CD, S_CUD.
+    /// A counter: S_CU, S_CD, S_CUD.
     Counter {
         /// `ZV Z 1` or `ZR Z 1`: what the first input does.
         count: Value,
-        /// The other direction.
+        /// The other direction, of S_CUD.
         second: Option<Node>,
         /// S with its value.
         set: Option<(Node, Value)>,
-        /// R.
+        /// R: logic that resets. `None`: open.
         reset: Option<Node>,
-        /// CV and CV_BCD.
+        /// CV and CV_BCD: what is loaded and where it goes.
         outputs: [Option<[Value; 2]>; 2],
     },
     /// `L v; op; T w`.
     Move {
-        /// One or two.
+        /// The values that are loaded, one or two.
         loads: Vec<Value>,
         /// None of a MOVE.
         ops: Vec<Value>,
@@ -161,9 +161,9 @@ pub enum Body {
         /// The `NOP 0` of an open ENO is missing.
         unmarked: bool,
     },
-    /// `CALL`.
+    /// A block that is called with `CALL`.
     Call {
-        /// The statement.
+        /// The statement of the call.
         call: Value,
         /// The logic at its Boolean inputs, which stands at the very begin of the rung or arm.
         inputs: Vec<CallInput>,
@@ -177,14 +177,14 @@ pub enum Body {
 pub struct CallInput {
     /// The place among the call's arguments.
     pub argument: u16,
-    /// What leads there.
+    /// The logic that leads there.
     pub input: Input,
 }
 
 /// How the BR of a box is made for its ENO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Eno {
-    /// ENO is open.
+    /// ENO is open: BR is not made.
     Open,
     /// `SET; SAVE; CLR`: always 1.
     Set,
@@ -197,40 +197,40 @@ pub enum Eno {
 pub struct Value {
     /// Its index in [`crate::Network::statements`].
     pub statement: u32,
-    /// What it is.
+    /// The operation of this statement.
     pub op: Op,
 }
 
 /// What stands at the right.
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
-    /// A coil.
+    /// A coil, at the end of the wire.
     Coil(Coil),
     /// `= t`, and arms that begin with `U t`.
     Branch {
-        /// Its number.
+        /// Number of the branch, for colours.
         id: u32,
         /// Of `= t` and all arms.
         statements: Range<u32>,
-        /// The compiler's bit.
+        /// The compiler's bit that keeps the logic in front.
         carried: Place,
         /// One below the other.
         arms: Vec<Rung>,
     },
 }
 
-/// A coil.
+/// A coil with its statements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coil {
-    /// Its number.
+    /// Number of the coil, for colours.
     pub id: u32,
-    /// Its statements.
+    /// The statements that make it.
     pub statements: Range<u32>,
     /// The value of a timer or counter coil.
     pub value: Option<Value>,
     /// `SAVE` of the RET coil, and the `SET; SAVE` of the unconditional one.
     pub saves: Saves,
-    /// What it does.
+    /// The statement that does something: `= A 4.0`.
     pub op: Value,
 }
 
@@ -239,9 +239,9 @@ pub struct Coil {
 pub enum Saves {
     /// Nothing: a bare `BEB`, or no RET at all.
     Nothing,
-    /// `SAVE; BEB`.
+    /// The RLO: `SAVE; BEB`.
     Rlo,
-    /// `SET; SAVE; BEA`.
+    /// Always 1: `SET; SAVE; BEA`.
     One,
 }
 
@@ -385,7 +385,7 @@ impl Body {
 }
 
 impl Rung {
-    /// See [`Node::shift`].
+    /// Moves all statement numbers by `by`: see [`Node::shift`].
     pub(crate) fn shift(&mut self, by: u32) {
         if let Some(logic) = &mut self.logic {
             logic.shift(by);

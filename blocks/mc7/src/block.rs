@@ -8,7 +8,7 @@ use crate::statement::Mc7Op;
 /// A block of machine code with what is known of it.
 #[derive(Clone, Debug)]
 pub struct MachineBlock<'b> {
-    /// Kind and number.
+    /// Kind and number of the block.
     pub id: BlockId,
     /// The name of its head.
     pub name: Option<String>,

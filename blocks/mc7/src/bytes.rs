@@ -34,7 +34,7 @@ impl Bytes<'_> {
         u16::from_be_bytes([self.at(index), self.at(index + 1)])
     }
 
-    /// The word operand.
+    /// The word operand, behind the two bytes of the statement.
     pub(crate) fn word(&self) -> u16 {
         self.word_at(2)
     }

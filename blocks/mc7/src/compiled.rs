@@ -81,9 +81,9 @@ pub enum EntryType {
     Simple(DataType),
     /// Bounds and the element.
     Array(Vec<Dimension>, Box<Entry>),
-    /// Components.
+    /// The components, in their order.
     Struct(Vec<Entry>),
-    /// Its greatest length.
+    /// Its greatest length, 0 to 254.
     String(u8),
     /// A multi-instance: the block, and its interface as a structure.
     Instance(BlockId, Box<Entry>),
@@ -108,10 +108,10 @@ impl EntryType {
     }
 }
 
-/// A declaration.
+/// A declaration, without its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Its type.
+    /// Its type, with all that lies in it.
     pub ty: EntryType,
     /// The attribute: section in the low three bits, bit 3 a start value, bit 4 a byte more. 0 for an instance, which
     /// has none.
@@ -120,7 +120,7 @@ pub struct Entry {
     pub extra: u8,
 }
 
-/// A compiled interface.
+/// A compiled interface, as it lies in a block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompiledInterface {
     /// What the block is.
@@ -230,7 +230,7 @@ impl CompiledInterface {
         })
     }
 
-    /// The bytes.
+    /// Its bytes, as they lie in a block.
     ///
     /// # Errors
     /// S1508 where entries or start values are longer than their length can say.

@@ -19,10 +19,10 @@ use crate::segments::Segments;
 use crate::statement::{ConstForm, Mc7Op, NoStatement, Statement, Uncond};
 use crate::{fold, parts};
 
-/// What [`decode`] gives.
+/// What [`decode`] gives for a block of machine code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
-    /// The block.
+    /// The block in the instruction set.
     pub block: CodeBlock,
     /// For each statement of the block, the offset in the code where it begins.
     pub offsets: Vec<u32>,

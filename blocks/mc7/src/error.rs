@@ -4,7 +4,7 @@ use std::fmt;
 
 use ob1_model::BlockId;
 
-/// What is wrong.
+/// What can be wrong with machine code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Problem {
     /// No statement begins with these bytes.
@@ -32,7 +32,7 @@ pub enum Problem {
 /// A problem with its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mc7Error {
-    /// What is wrong.
+    /// What is wrong there.
     pub problem: Problem,
     /// The block, where it is known.
     pub block: Option<BlockId>,

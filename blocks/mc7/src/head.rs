@@ -15,9 +15,9 @@ const MARK: [u8; 2] = [0x70, 0x70];
 /// A moment: milliseconds of the day, and days since 1984-01-01.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stamp {
-    /// Days since 1984-01-01.
+    /// Days since 1984-01-01, where STEP 7 begins.
     pub days: u16,
-    /// Milliseconds since midnight.
+    /// Milliseconds since midnight of that day.
     pub ms: u32,
 }
 
@@ -28,7 +28,7 @@ impl Stamp {
         Self { ms: u32::from_be_bytes([b[0], b[1], b[2], b[3]]), days: u16::from_be_bytes([b[4], b[5]]) }
     }
 
-    /// The six bytes.
+    /// The six bytes of a head: milliseconds, then days.
     #[must_use]
     pub fn bytes(self) -> [u8; 6] {
         let [a, b, c, d] = self.ms.to_be_bytes();
@@ -36,7 +36,7 @@ impl Stamp {
         [a, b, c, d, e, f]
     }
 
-    /// Year, month, day.
+    /// Year, month and day of the calendar.
     #[must_use]
     pub fn date(self) -> (u32, u32, u32) {
         calendar::date_of(u32::from(self.days) + DAYS_TO_1984)
@@ -55,7 +55,7 @@ pub struct BlockHead {
     pub language: u8,
     /// The type byte: 8 OB, 0Ah DB, 0Bh SDB, 0Ch FC, 0Dh SFC, 0Eh FB, 0Fh SFB.
     pub kind: u8,
-    /// The number.
+    /// Number of the block.
     pub number: u16,
     /// 0: none; else know-how protected.
     pub password: u32,
@@ -107,13 +107,13 @@ impl BlockHead {
 pub struct BlockFoot {
     /// `AUTHOR`, padded with zeros.
     pub author: [u8; 8],
-    /// `FAMILY`.
+    /// `FAMILY`, padded with zeros.
     pub family: [u8; 8],
-    /// `NAME`.
+    /// `NAME`, padded with zeros.
     pub name: [u8; 8],
     /// `VERSION`, a digit in each half.
     pub version: u8,
-    /// Byte 25; 0.
+    /// Byte 25 of the foot; 0.
     pub reserved: u8,
     /// A checksum over the code; how it is made is unknown.
     pub checksum: u16,
@@ -132,7 +132,7 @@ pub struct BlockImage {
     pub interface: Vec<u8>,
     /// The segment table: [`crate::Segments`]; empty in a data block.
     pub segments: Vec<u8>,
-    /// The foot.
+    /// The foot, after the segment table.
     pub foot: BlockFoot,
 }
 

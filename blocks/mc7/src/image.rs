@@ -15,7 +15,7 @@ const LINKED: u8 = 0x01;
 /// Attribute of a block whose code nobody sees, and the code that it shows: the end of the block.
 const KNOW_HOW: u8 = 0x08;
 const BE: [u8; 2] = [0x65, 0x00];
-/// Languages.
+/// Numbers of languages in the head of a block.
 const STL: u8 = 1;
 const DB: u8 = 5;
 /// Version of the head: instances are addressed through AR2.

@@ -8,7 +8,7 @@ use ob1_model::BlockKind;
 /// The form of a constant in the code: its width, and a sub-code that only says how it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ConstForm {
-    /// 28: one byte.
+    /// 28: a constant of one byte.
     Byte,
     /// 30, sub-code: 16 bits.
     Word(u8),
@@ -21,9 +21,9 @@ pub enum ConstForm {
 pub struct Uncond {
     /// FC, FB, SFC or SFB.
     pub kind: BlockKind,
-    /// Its number.
+    /// Number of the block, or where it is.
     pub number: Number,
-    /// `CC`.
+    /// True for `CC`, false for `UC`.
     pub conditional: bool,
     /// The pointers after a call of an FC or SFC; `None` after one of an FB or SFB.
     pub list: Option<Vec<u32>>,
@@ -46,28 +46,28 @@ pub enum Mc7Op {
     },
     /// A jump by so many words from its own first byte.
     Jump(Jump, i16),
-    /// `LOOP`, likewise.
+    /// `LOOP` by so many words, likewise.
     Loop(i16),
     /// `SPL` with the number of `SPA`s that follow.
     JumpList(u16),
-    /// `UC`, `CC`.
+    /// A call without parameters: `UC` or `CC`.
     Call(Uncond),
     /// `BLD n`: a mark, without effect.
     Build(u8),
-    /// `NOP 0`.
+    /// `NOP 0`, without effect.
     Nop0,
-    /// `NOP 1`.
+    /// `NOP 1`, without effect.
     Nop1,
-    /// `BE`.
+    /// `BE`: the last statement of a block.
     BlockEnd,
-    /// `BEA`.
+    /// `BEA`: ends the block before its last statement.
     End,
 }
 
-/// One statement.
+/// One statement of machine code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Statement {
-    /// What it does.
+    /// What it does, with its operands.
     pub op: Mc7Op,
     /// The code has the long form, though the operand fits the short one.
     pub long: bool,

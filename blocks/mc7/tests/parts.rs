@@ -300,7 +300,7 @@ fn a_multi_instance() {
 }
 
 /// BLKMOV between two variables of the own instance, as STEP 7 compiles it: each ANY lies in the local data, with DINO
-/// and AR2 in it. [reference MC7 7.2]
+/// and AR2 in it. (docs/mc7.md)
 #[test]
 fn pointers_into_the_own_instance() {
     use DataType::{Any, Array, Byte, Int};

@@ -10,7 +10,7 @@ pub enum Area {
     Input,
     /// Process image of the outputs, `A` / `Q`.
     Output,
-    /// Bit memory, `M`.
+    /// Bit memory, `M`, from M 0.0 on.
     Memory,
     /// Local data of the running block, `L`.
     Local,
@@ -98,7 +98,7 @@ impl BitAddr {
         Self(pointer & 0x7_FFFF)
     }
 
-    /// The byte part.
+    /// The byte part of the address.
     #[must_use]
     pub const fn byte(self) -> u32 {
         self.0 / 8

@@ -12,11 +12,11 @@ pub enum BlockKind {
     Fb,
     /// Function: no memory of its own.
     Fc,
-    /// System function block.
+    /// System function block: an FB within the CPU.
     Sfb,
-    /// System function.
+    /// System function: an FC within the CPU.
     Sfc,
-    /// Data block.
+    /// Data block: memory without statements.
     Db,
     /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
     Sdb,
@@ -74,14 +74,14 @@ impl BlockKind {
 /// A block by kind and number: `FC 9`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlockId {
-    /// The kind.
+    /// Kind of the block.
     pub kind: BlockKind,
     /// The number, 0 to 65535 (data blocks from 1).
     pub number: u16,
 }
 
 impl BlockId {
-    /// A block's name.
+    /// The block with this kind and number.
     #[must_use]
     pub const fn new(kind: BlockKind, number: u16) -> Self {
         Self { kind, number }

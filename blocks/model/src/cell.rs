@@ -71,7 +71,7 @@ pub enum Width {
 }
 
 impl Width {
-    /// Bits.
+    /// The width in bits, 1 to 32.
     #[must_use]
     pub const fn bits(self) -> u8 {
         match self {
@@ -114,7 +114,7 @@ pub enum Piece {
     Bytes {
         /// The cell whose byte is the first.
         at: Cell,
-        /// How many.
+        /// How many bytes follow.
         len: u32,
     },
     /// A value that is not plain memory: a timer, a counter, a peripheral input.
@@ -136,7 +136,7 @@ impl Piece {
 /// Why a cell cannot be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellError {
-    /// Outside the area.
+    /// The address lies outside its area.
     Outside,
     /// The data block is not loaded.
     NoDb,
@@ -155,7 +155,7 @@ pub enum CellError {
 }
 
 impl CellError {
-    /// All there are.
+    /// All errors, each once.
     pub const ALL: [Self; 8] = [
         Self::Outside,
         Self::NoDb,

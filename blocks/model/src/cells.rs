@@ -25,7 +25,7 @@ pub fn set(memory: &mut [u8], at: usize, width: usize, value: u32) -> Option<()>
     Some(())
 }
 
-/// Reads a word.
+/// Reads a word, high byte first.
 #[must_use]
 #[inline]
 pub fn word(memory: &[u8], at: usize) -> Option<u16> {

@@ -10,7 +10,7 @@ pub const HELD_LOCAL: usize = 256;
 /// A statement before which the CPU goes to HOLD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Breakpoint {
-    /// The block.
+    /// The block with the statement.
     pub block: BlockId,
     /// Its statement, from 0.
     pub statement: u32,
@@ -29,7 +29,7 @@ pub enum Resume {
     Out,
 }
 
-/// What is asked.
+/// An order about breakpoints and HOLD.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DebugOrder {
     /// These breakpoints from now on, no others; at most [`BREAKPOINTS`].
@@ -39,7 +39,7 @@ pub enum DebugOrder {
     Hold {
         /// How it goes on.
         resume: Option<Resume>,
-        /// At most [`crate::PASS_WAIT`].
+        /// Nanoseconds, at most [`crate::PASS_WAIT`].
         wait: u64,
     },
     /// No breakpoints any more. A CPU in HOLD goes to STOP.
@@ -57,7 +57,7 @@ pub enum DebugOrder {
 /// A block that runs, or has called another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeldBlock {
-    /// The block.
+    /// Kind and number of the block.
     pub block: BlockId,
     /// Its statement, from 0: the next of the innermost, of the others the call.
     pub statement: u32,
@@ -66,7 +66,7 @@ pub struct HeldBlock {
     pub blocks: [u16; 2],
     /// The organization block it runs in.
     pub ob: u16,
-    /// Its priority class.
+    /// Priority class of that organization block.
     pub priority: u8,
     /// When it began, as a DATE_AND_TIME.
     pub began: [u8; 8],
@@ -81,9 +81,9 @@ pub struct Held {
     pub stack: Vec<HeldBlock>,
     /// The status word: from bit 0 /FC, RLO, STA, OR, OS, OV, CC0, CC1, BR.
     pub status: u16,
-    /// ACCU1 to ACCU4.
+    /// ACCU1 to ACCU4, in this order.
     pub accus: [u32; 4],
-    /// AR1 and AR2.
+    /// Address registers AR1 and AR2.
     pub addresses: [u32; 2],
     /// Local data of a block, the first [`HELD_LOCAL`] bytes: of the innermost, unless another was asked for.
     pub local: Vec<u8>,
@@ -94,11 +94,11 @@ pub struct Held {
 /// How an order has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DebugEnd {
-    /// It is done.
+    /// The order was carried out.
     Done,
-    /// The CPU holds.
+    /// The CPU is in HOLD, at [`DebugAnswer::held`].
     Held,
-    /// It does not.
+    /// The CPU runs; it has not come to a breakpoint in time.
     #[default]
     Runs,
     /// It is in STOP.
@@ -107,7 +107,7 @@ pub enum DebugEnd {
     NoStatement(u8),
 }
 
-/// The answer.
+/// The answer to an order about breakpoints.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DebugAnswer {
     /// How the order has ended.

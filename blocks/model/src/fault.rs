@@ -10,7 +10,7 @@ use crate::{Area, BlockId};
 /// Where in the program something happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Site {
-    /// The block.
+    /// The block in which it happened.
     pub block: BlockId,
     /// Network number, from 1; 0 when the source has none.
     pub network: u16,
@@ -84,7 +84,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// The event number.
+    /// The event number, such as 2522h.
     #[must_use]
     pub const fn number(self) -> u16 {
         match self {
@@ -129,7 +129,7 @@ impl FaultKind {
         Self::ALL.into_iter().find(|k| k.number() == number)
     }
 
-    /// Every fault.
+    /// Every fault, each once.
     pub const ALL: [FaultKind; 23] = [
         FaultKind::BcdConversion,
         FaultKind::AreaLengthRead,
@@ -160,7 +160,7 @@ impl FaultKind {
 /// A fault with what is needed to explain it: the number that was wrong and the size it was compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// What went wrong.
+    /// What the program did wrong.
     pub kind: FaultKind,
     /// How memory was accessed, where that was the fault; `None` otherwise.
     pub access: Option<Access>,
@@ -225,17 +225,17 @@ impl Fault {
 pub struct Event(pub u16);
 
 impl Event {
-    /// STOP to STARTUP.
+    /// Change from STOP to STARTUP.
     pub const STARTUP: Event = Event(0x4301);
-    /// STARTUP to RUN.
+    /// Change from STARTUP to RUN.
     pub const RUN: Event = Event(0x4302);
     /// STOP requested by an operator (`ob1 ctl stop`, end of a run).
     pub const STOP_OPERATOR: Event = Event(0x4304);
-    /// RUN to HOLD.
+    /// Change from RUN to HOLD, at a breakpoint.
     pub const HOLD: Event = Event(0x4305);
-    /// HOLD to RUN.
+    /// Change from HOLD to RUN.
     pub const HOLD_LEFT: Event = Event(0x4306);
-    /// HOLD to STOP.
+    /// Change from HOLD to STOP.
     pub const HOLD_STOPPED: Event = Event(0x430A);
     /// Memory reset by an operator.
     pub const MEMORY_RESET: Event = Event(0x4307);
@@ -261,7 +261,7 @@ impl Event {
     pub const BLOCKS_TOO_DEEP: Event = Event(0x3575);
     /// A block was aborted: no local data is left (S7-400).
     pub const NO_LOCAL_DATA: Event = Event(0x3576);
-    /// Cycle time exceeded.
+    /// Cycle time exceeded: the cycle monitoring expired.
     pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
     /// An OB is requested that is still being executed.
     pub const OB_STILL_RUNS: Event = Event(0x3502);
@@ -395,7 +395,7 @@ impl Event {
         Event::PARTNER,
     ];
 
-    /// The event's text.
+    /// The text of the event, without its place.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self.0 {

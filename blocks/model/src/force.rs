@@ -17,7 +17,7 @@ pub enum ForcedArea {
     Input,
     /// Process image of the outputs.
     Output,
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     Memory,
     /// Peripheral inputs, as they are read.
     PeripheralInput,
@@ -41,7 +41,7 @@ const AREAS: [(&str, ForcedArea); 9] = [
 /// A cell and the value it is forced to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Forced {
-    /// Its area.
+    /// Area of the cell.
     pub area: ForcedArea,
     /// Its bit address there.
     pub bit: u32,
@@ -52,7 +52,7 @@ pub struct Forced {
 }
 
 impl Forced {
-    /// Nothing.
+    /// Stands for no forced cell, to fill lists.
     pub const NONE: Self = Self { area: ForcedArea::Input, bit: 0, width: Width::Bit, value: 0 };
 
     /// The cell of a name: `I0.0`, `EB 3`, `QW4`, `PAW 256`; its value is 0.
@@ -88,7 +88,7 @@ impl Forced {
         Some(Self { value, ..Self::named(name)? })
     }
 
-    /// Its name: `QW4`.
+    /// The name of the cell: `QW4`.
     #[must_use]
     pub fn name(&self) -> String {
         let area = AREAS.iter().find(|(_, area)| *area == self.area).map_or("", |(word, _)| word);

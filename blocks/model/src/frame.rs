@@ -31,7 +31,7 @@ pub enum Put {
 }
 
 impl Put {
-    /// Bytes it writes.
+    /// How many bytes it writes; a bit counts as one.
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
@@ -40,7 +40,7 @@ impl Put {
         }
     }
 
-    /// Where.
+    /// The cell at which it begins to write.
     #[must_use]
     pub const fn cell(&self) -> Cell {
         match self {
@@ -65,7 +65,7 @@ pub fn fits_a_share(pieces: impl IntoIterator<Item = Piece>) -> bool {
 pub struct Head {
     /// Bytes the block has; the value.
     pub number: u32,
-    /// Why not.
+    /// Why there is no block or value; `None`: there is one.
     pub error: Option<CellError>,
 }
 
@@ -160,7 +160,7 @@ impl Frame {
         Self { pieces, runs: runs.into(), places: places.into(), words }
     }
 
-    /// The pieces.
+    /// The pieces, in the order of their words.
     #[must_use]
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
@@ -182,7 +182,7 @@ impl Frame {
     /// them, big-endian. Nothing is appended when not all are there.
     ///
     /// # Errors
-    /// Why the CPU does not have them.
+    /// [`CellError`]: there is no such block or value, or `skip` and `len` reach beyond it.
     pub fn read(
         &self,
         index: usize,

@@ -5,15 +5,15 @@ use crate::{BitAddr, DataType, Field, Layout};
 /// The declaration section of a parameter or variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Section {
-    /// `VAR_INPUT`.
+    /// `VAR_INPUT`: given by the caller.
     Input,
-    /// `VAR_OUTPUT`.
+    /// `VAR_OUTPUT`: given to the caller.
     Output,
-    /// `VAR_IN_OUT`.
+    /// `VAR_IN_OUT`: given by the caller and changed.
     InOut,
     /// `VAR`: kept in the instance data block.
     Static,
-    /// `VAR_TEMP`: local data.
+    /// `VAR_TEMP`: local data, undefined at the begin of a call.
     Temp,
     /// The function value, `RET_VAL`.
     Return,
@@ -48,7 +48,7 @@ pub struct Param {
     pub aliases: Vec<String>,
     /// Where it is declared.
     pub section: Section,
-    /// Its type.
+    /// Its S7 data type.
     pub ty: DataType,
     /// Where it lies: in the instance data block (inputs to statics of an FB), in the local data (temps). Zero for the
     /// parameters of an FC, which are references.
@@ -90,7 +90,7 @@ impl Param {
 /// A block's interface: parameters in declaration order, then statics and temps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Interface {
-    /// All declarations.
+    /// All declarations, in their order.
     pub params: Vec<Param>,
     /// Bytes of the instance data block (FB), 0 for others.
     pub instance_bytes: u32,

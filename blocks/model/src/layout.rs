@@ -81,7 +81,7 @@ impl Layout {
         align_to(self.next_bit, 16) / 8
     }
 
-    /// Alignment in bits.
+    /// Alignment in bits: 1, 8 or 16.
     #[must_use]
     pub const fn alignment(ty: &DataType) -> u32 {
         match ty.elementary_bits() {

@@ -5,11 +5,11 @@ use crate::{Event, FaultKind};
 /// How an entry of the diagnostic buffer changes the operating state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StateChange {
-    /// To STARTUP.
+    /// The CPU goes to STARTUP.
     Startup,
-    /// To RUN.
+    /// The CPU goes to RUN.
     Run,
-    /// To HOLD.
+    /// The CPU goes to HOLD.
     Hold,
     /// To STOP, by command.
     Stop,
@@ -170,7 +170,7 @@ impl FaultKind {
         }
     }
 
-    /// What helps.
+    /// What helps against it, as a sentence for the user.
     #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {

@@ -9,14 +9,14 @@ use crate::calendar::{self, DAY_MS, DAYS_TO_1990};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Moment(u64);
 
-/// A calendar date.
+/// A calendar date between 1990 and 2089.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Date {
-    /// 1990 to 2089.
+    /// The year, 1990 to 2089.
     pub year: u32,
-    /// 1 to 12.
+    /// The month, 1 to 12.
     pub month: u32,
-    /// 1 to 31.
+    /// The day, 1 to 31.
     pub day: u32,
 }
 
@@ -46,9 +46,9 @@ impl Date {
 }
 
 impl Moment {
-    /// 1990-01-01-00:00:00.000.
+    /// The first moment, 1990-01-01-00:00:00.000.
     pub const MIN: Moment = Moment(0);
-    /// 2089-12-31-23:59:59.999.
+    /// The last moment, 2089-12-31-23:59:59.999.
     pub const MAX: Moment = Moment(36_525 * DAY_MS - 1);
 
     /// The moment `ms` after [`Moment::MIN`], or `None` after [`Moment::MAX`].
@@ -57,19 +57,19 @@ impl Moment {
         if ms > Self::MAX.0 { None } else { Some(Self(ms)) }
     }
 
-    /// Milliseconds since [`Moment::MIN`].
+    /// Milliseconds since the first moment, [`Moment::MIN`].
     #[must_use]
     pub const fn ms(self) -> u64 {
         self.0
     }
 
-    /// Days since 1990-01-01.
+    /// Whole days since 1990-01-01.
     #[must_use]
     pub const fn days(self) -> u32 {
         (self.0 / DAY_MS) as u32
     }
 
-    /// Milliseconds since midnight.
+    /// Milliseconds since midnight of its day.
     #[must_use]
     pub const fn time_of_day(self) -> u32 {
         (self.0 % DAY_MS) as u32
@@ -121,7 +121,7 @@ impl Moment {
 }
 
 impl fmt::Display for Moment {
-    /// `2026-01-31 06:00:00.000`.
+    /// Date and time with milliseconds: `2026-01-31 06:00:00.000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (year, month, day) = calendar::date_of(self.days() + DAYS_TO_1990);
         let ms = self.time_of_day();

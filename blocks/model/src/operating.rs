@@ -1,6 +1,6 @@
 //! The operating states of a CPU, and what an operator can ask for.
 
-/// Operating states.
+/// Operating states of a CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OperatingState {
     /// The program does not run, outputs are 0. Access port and modules are served.
@@ -8,7 +8,7 @@ pub enum OperatingState {
     Stop,
     /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
     Startup,
-    /// The cycle runs.
+    /// The program runs: cycle after cycle.
     Run,
     /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port and
     /// links are served.
@@ -53,7 +53,7 @@ impl OperatingState {
 pub enum Command {
     /// STOP to RUN, by a warm restart. Nothing happens in RUN.
     Run,
-    /// To STOP.
+    /// To STOP, from any state.
     Stop,
     /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit
     /// memory, timers and counters are cleared, other data blocks get their load values.
@@ -71,7 +71,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Every command.
+    /// Every command, each once.
     pub const ALL: [Self; 7] = [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
 
     /// The word for it on a command line, on the socket of a station and in the web page's requests.

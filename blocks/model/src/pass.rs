@@ -12,7 +12,7 @@ pub const PASS_WAIT: u64 = 60_000_000_000;
 /// A job: watch one pass through a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassOrder {
-    /// The block.
+    /// The block that is watched.
     pub block: BlockId,
     /// Only a pass that this block has called, directly or through others.
     pub from: Option<BlockId>,
@@ -20,7 +20,7 @@ pub struct PassOrder {
     pub db: u16,
     /// The first watched statement, from 0, and how many from there on.
     pub first: u32,
-    /// At most [`PASS_STATEMENTS`].
+    /// How many statements are recorded, at most [`PASS_STATEMENTS`].
     pub count: u32,
     /// How long the pass is waited for, in nanoseconds; at most [`PASS_WAIT`].
     pub wait: u64,
@@ -35,9 +35,9 @@ pub struct PassLine {
     pub times: u32,
     /// The status word: from bit 0 /FC, RLO, STA, OR, OS, OV, CC0, CC1, BR.
     pub status: u16,
-    /// ACCU1 and ACCU2.
+    /// ACCU1 and ACCU2, in this order.
     pub accus: [u32; 2],
-    /// AR1 and AR2.
+    /// Address registers AR1 and AR2.
     pub addresses: [u32; 2],
     /// The numbers in the DB and DI register; 0: none is open.
     pub blocks: [u16; 2],
@@ -61,7 +61,7 @@ pub enum PassEnd {
     TooLong,
 }
 
-/// One pass.
+/// One pass through a block, as far as it was recorded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Pass {
     /// How the job has ended.

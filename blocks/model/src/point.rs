@@ -25,19 +25,19 @@ pub enum Point {
 /// One thing to do at a point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PointItem {
-    /// Reads this.
+    /// Reads this piece of memory.
     Read(Piece),
-    /// Writes this.
+    /// Writes this value or these bytes.
     Write(Put),
 }
 
 /// What is to be done at a point; each item has an outcome of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PointOrder {
-    /// When.
+    /// The point of the cycle.
     pub point: Point,
     /// Each time, until nobody wants it any more; it has no answer until then.
     pub stays: bool,
-    /// In this order.
+    /// What is done, in this order.
     pub items: Vec<PointItem>,
 }

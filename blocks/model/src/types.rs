@@ -3,14 +3,14 @@
 /// A dimension of an ARRAY, bounds included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Dimension {
-    /// Lower bound.
+    /// Lower bound, may be negative.
     pub low: i32,
     /// Upper bound, at least `low`.
     pub high: i32,
 }
 
 impl Dimension {
-    /// Number of elements.
+    /// Number of elements; 0 for bounds that are the wrong way round.
     #[must_use]
     pub const fn len(self) -> u32 {
         let len = self.high as i64 - self.low as i64 + 1;
@@ -27,9 +27,9 @@ impl Dimension {
 /// A component of a STRUCT or UDT.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
-    /// The component's name.
+    /// Name of the component.
     pub name: String,
-    /// Its type.
+    /// Its S7 data type.
     pub ty: DataType,
     /// The initial value as laid-out bytes, when the source gives one.
     pub initial: Option<Vec<u8>>,

@@ -26,7 +26,7 @@ impl fmt::Debug for Archive {
 }
 
 impl Archive {
-    /// Opens an archive.
+    /// Opens an archive, whose content is not trusted.
     ///
     /// # Errors
     /// Why it is not one, in one sentence.

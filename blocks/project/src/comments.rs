@@ -20,9 +20,9 @@ pub struct Comments {
 /// Title and comments of a network.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Network {
-    /// TITLE.
+    /// TITLE of the network.
     pub title: String,
-    /// The network's comment.
+    /// Comment of the network, below its title.
     pub comment: String,
     /// Comments of lines: the number of statements of the network up to them, and the text.
     pub lines: Vec<Line>,
@@ -35,7 +35,7 @@ pub struct Line {
     pub statement: u32,
     /// True when it follows a statement on its line, false for a line of its own.
     pub behind: bool,
-    /// The text.
+    /// The text, without the slashes in front.
     pub text: String,
 }
 

@@ -15,12 +15,12 @@ pub struct CpuParameters {
     pub other: Vec<u8>,
 }
 
-/// A cyclic interrupt.
+/// The timing of a cyclic interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cyclic {
     /// OB 30 to 38.
     pub ob: u8,
-    /// Interval, in milliseconds.
+    /// Interval from call to call, in milliseconds.
     pub period_ms: u16,
     /// Phase offset, in milliseconds.
     pub phase_ms: u16,

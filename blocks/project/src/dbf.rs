@@ -44,7 +44,7 @@ struct Field {
     length: usize,
 }
 
-/// A table.
+/// A dBase table in memory.
 #[derive(Clone, Debug)]
 pub struct Table {
     bytes: Vec<u8>,
@@ -148,7 +148,7 @@ impl<'t> Row<'t> {
     }
 }
 
-/// A memo file.
+/// A memo file: the long texts of a table.
 #[derive(Clone, Debug)]
 pub struct Memos {
     bytes: Vec<u8>,

@@ -12,7 +12,7 @@ pub(crate) struct TableWriter {
 
 /// The content of a field.
 pub(crate) enum Cell {
-    /// Decimal text.
+    /// A number, as decimal text.
     Number(i64),
     /// Text or binary, padded.
     Bytes(Vec<u8>),

@@ -40,7 +40,7 @@ impl Language {
         }
     }
 
-    /// Its name.
+    /// Its short name, as STEP 7 shows it.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -60,11 +60,11 @@ impl Language {
 /// What is in the head of a block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Head {
-    /// AUTHOR.
+    /// AUTHOR; empty without one.
     pub author: String,
-    /// FAMILY.
+    /// FAMILY; empty without one.
     pub family: String,
-    /// NAME.
+    /// NAME of the head; empty without one.
     pub name: String,
     /// VERSION, as two nibbles.
     pub version: u8,
@@ -73,7 +73,7 @@ pub struct Head {
 /// A block as the folder has it: its code part, and what belongs to it.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Which block.
+    /// Kind and number of the block.
     pub id: BlockId,
     /// The language it was made in.
     pub language: Language,
@@ -82,7 +82,7 @@ pub struct Block {
     /// ATTRIBUTE of the record: bit 0 executable, bit 1 standard block, bit 3 system block; of a data block
     /// bit 5 not retentive.
     pub attribute: u8,
-    /// KNOW_HOW_PROTECT.
+    /// KNOW_HOW_PROTECT: its statements are not shown.
     pub know_how: bool,
     /// `CODE_VERSION1`: an FB whose own variables are addressed without AR2.
     pub code_version1: bool,
@@ -109,13 +109,13 @@ pub struct Block {
 /// A block that another one uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Use {
-    /// `SFC20`.
+    /// Kind and number: `SFC20`.
     pub name: String,
     /// The time of the interface the user was compiled against.
     pub interface: Stamp,
 }
 
-/// A user-defined type.
+/// A user-defined type (UDT).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Udt {
     /// Its declarations as text.
@@ -124,7 +124,7 @@ pub struct Udt {
     pub head: Head,
 }
 
-/// A block folder.
+/// A block folder: everything of one program.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
     /// Code and data blocks, system blocks included.

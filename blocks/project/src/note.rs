@@ -5,7 +5,7 @@ use std::fmt;
 /// How much a note matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Weight {
-    /// Worth knowing.
+    /// Worth knowing: nothing is lost.
     Info,
     /// Read, but not as it should be.
     Warning,
@@ -31,7 +31,7 @@ impl Note {
         Self { weight: Weight::Warning, of: of.into(), what: what.into() }
     }
 
-    /// Something worth knowing.
+    /// A note that something is worth knowing.
     pub fn info(of: impl Into<String>, what: impl Into<String>) -> Self {
         Self { weight: Weight::Info, of: of.into(), what: what.into() }
     }

@@ -17,14 +17,14 @@ use crate::register::decode_block;
 pub struct Image {
     /// The file, as it was named.
     pub file: String,
-    /// The block.
+    /// The block as its file has it.
     pub block: BlockImage,
 }
 
 /// A block that could not be taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// The file.
+    /// The file, as it was named.
     pub file: String,
     /// The block; `None` for one of a kind no program has.
     pub block: Option<BlockId>,

@@ -30,7 +30,7 @@ pub struct Program {
 /// A block folder of a project.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BlockFolder {
-    /// Its ID.
+    /// Its ID in the tables of the project.
     pub id: u32,
     /// Its name: `Blocks`, `Bausteine`.
     pub name: String,
@@ -43,13 +43,13 @@ pub struct BlockFolder {
 /// A project or library.
 #[derive(Debug, Default)]
 pub struct Project {
-    /// Its name.
+    /// Name of the project or library.
     pub name: String,
     /// The code page of its texts.
     pub page: CodePage,
-    /// Its S7 programs.
+    /// The S7 programs that it has.
     pub programs: Vec<Program>,
-    /// Its block folders.
+    /// The block folders that it has.
     pub folders: Vec<BlockFolder>,
     /// Its stations, CPUs and modules.
     pub hardware: Hardware,
@@ -63,7 +63,7 @@ pub struct Project {
 pub struct Choice {
     /// The program; `None` for a block folder no program names.
     pub program: Option<usize>,
-    /// The block folder.
+    /// The block folder, as an index into [`Project::folders`].
     pub folder: usize,
 }
 

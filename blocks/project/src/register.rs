@@ -11,7 +11,7 @@ use ob1_model::{Area, BlockId, Interface};
 /// Decodes a block so that the DB register holds at each statement what it holds on the CPU.
 ///
 /// # Errors
-/// As [`decode`].
+/// What is wrong with the machine code, as with [`decode`].
 pub(crate) fn decode_block<'i>(
     machine: &MachineBlock<'_>,
     callees: &(dyn Fn(BlockId) -> Option<&'i Interface> + 'i),

@@ -4,14 +4,14 @@ use crate::dbf::Table;
 use crate::text::CodePage;
 use crate::tree::Tree;
 
-/// A source text.
+/// A source text of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceText {
     /// Its name in the project.
     pub name: String,
     /// True for an STL source.
     pub stl: bool,
-    /// The text.
+    /// The text, in Unicode.
     pub text: String,
 }
 

@@ -8,7 +8,7 @@ use crate::tree::Tree;
 /// A row of the symbol table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SymbolRow {
-    /// The symbol.
+    /// The symbol itself, without quotes.
     pub name: String,
     /// The address with German letters: `E 1.0`.
     pub german: String,
@@ -16,7 +16,7 @@ pub struct SymbolRow {
     pub international: String,
     /// The type, or the block it stands for: `BOOL`, `FB 12`.
     pub ty: String,
-    /// The comment.
+    /// The comment; empty without one.
     pub comment: String,
 }
 

@@ -53,7 +53,7 @@ impl CodePage {
         PAGES.iter().map(|(number, _)| *number)
     }
 
-    /// Its number: 1252.
+    /// Its number in Windows: 1252.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.number

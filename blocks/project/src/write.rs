@@ -22,11 +22,11 @@ pub struct NewProject {
     pub page: CodePage,
     /// The name of the program.
     pub program: String,
-    /// Its blocks.
+    /// The blocks of the program.
     pub blocks: Vec<Block>,
-    /// Its user-defined types.
+    /// Its user-defined types, by number.
     pub udts: Vec<(u16, Udt)>,
-    /// Its symbols.
+    /// Rows of its symbol table.
     pub symbols: Vec<SymbolRow>,
     /// The CPU and its station; none: a program by itself.
     pub cpu: Option<Cpu>,

@@ -8,15 +8,15 @@ use ob1_words::any::Fields;
 /// A parsed ANY pointer to memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnyPointer {
-    /// What lies there.
+    /// Type of what lies there.
     pub ty: AnyType,
     /// How many of it.
     pub count: u16,
     /// The data block, 0 outside data blocks.
     pub db: u16,
-    /// The area.
+    /// Memory area of the first element.
     pub area: Area,
-    /// Where in it.
+    /// Where it begins in the area.
     pub at: BitAddr,
 }
 

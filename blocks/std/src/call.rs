@@ -113,7 +113,7 @@ impl Call<'_> {
         Ok(())
     }
 
-    /// Ends with BR.
+    /// Ends the call with this BR.
     pub(crate) fn br(&mut self, good: bool) -> Done {
         self.cx.set_br(good);
         Ok(())

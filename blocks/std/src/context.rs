@@ -13,7 +13,7 @@ use crate::services::{
 pub enum Refused {
     /// No such parameter, or of another kind.
     NoParam,
-    /// Outside the area.
+    /// The address lies outside the area.
     Outside,
     /// The data block does not exist.
     NoDb,
@@ -81,7 +81,7 @@ pub trait Context {
     fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), Refused>;
     /// Reads a record and returns its length; `Outside` when it is longer than `into`.
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, Refused>;
-    /// Writes a record.
+    /// Writes a whole record to a module.
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused>;
 
     /// Restarts the cycle monitoring.
@@ -91,7 +91,7 @@ pub trait Context {
 
     /// The time of day.
     fn wall_clock(&mut self) -> &mut dyn WallClock;
-    /// Run-time meters.
+    /// The run-time meters of the CPU.
     fn meters(&mut self) -> &mut dyn Meters;
     /// Time-of-day and time-delay interrupts.
     fn schedule(&mut self) -> &mut dyn Schedule;

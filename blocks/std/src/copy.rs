@@ -14,7 +14,7 @@ pub const fn parameter_error(parameter: u16, fault: FaultKind) -> u16 {
 /// One side of a copy: what a parameter names, and of a STRING how many characters it may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Side {
-    /// The pointer.
+    /// The pointer that the parameter gives.
     pub any: AnyPointer,
     /// The first byte of a STRING, its maximum length; anything for another type.
     pub max: u8,
@@ -62,11 +62,11 @@ fn bytes_of(side: Option<Side>, errors: &Errors) -> Result<(AnyPointer, u32), u1
 /// A copy: `bytes` bytes of the pattern of `period` bytes at `source`, repeated as often as needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// From here.
+    /// Where the bytes come from.
     pub source: AnyPointer,
-    /// To here.
+    /// Where the bytes go.
     pub target: AnyPointer,
-    /// Bytes to write.
+    /// How many bytes are written.
     pub bytes: u32,
     /// Bytes of the source after which it begins again.
     pub period: u32,

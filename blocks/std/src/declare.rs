@@ -18,7 +18,7 @@ pub(crate) struct Declared {
 pub(crate) trait Params: Copy {
     /// In the order of the block's declaration.
     const DECLARED: &'static [Declared];
-    /// The parameter's index.
+    /// Index of the parameter in the declaration, from 0.
     fn index(self) -> u32;
 }
 

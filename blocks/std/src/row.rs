@@ -15,9 +15,9 @@ pub enum Origin {
     System,
     /// "IEC Function Blocks": FC 1 to 40.
     Iec,
-    /// "TI-S7 Converting Blocks".
+    /// The library "TI-S7 Converting Blocks".
     TiS7,
-    /// "PID Control Blocks".
+    /// The library "PID Control Blocks".
     Pid,
     /// The handling blocks of the CP 240: declared here, served by a plugin.
     Cp240,
@@ -124,7 +124,7 @@ pub struct StandardBlock {
     pub origin: Origin,
     /// Kind and default number. Numbers of blocks that are not system functions are the user's.
     pub id: BlockId,
-    /// Standard name.
+    /// Standard name, as the manual prints it.
     pub name: &'static str,
     /// What one should know of this implementation, for the documentation.
     pub note: &'static str,

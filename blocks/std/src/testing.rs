@@ -26,14 +26,14 @@ pub(crate) struct Fake {
     pub(crate) ended: Done,
     /// Peripheral bytes from 0 on: inputs, outputs.
     pub(crate) io: [Vec<u8>; 2],
-    /// Modules by address.
+    /// Sizes of the modules, by address.
     pub(crate) modules: BTreeMap<u32, ModuleSize>,
     pub(crate) records: BTreeMap<(u32, u8), Vec<u8>>,
     pub(crate) retriggered: u32,
     pub(crate) station: Station,
 }
 
-/// The services' state.
+/// State of the services that the blocks ask.
 #[derive(Default)]
 pub(crate) struct Station {
     pub(crate) moment: Moment,
@@ -61,7 +61,7 @@ pub(crate) struct Station {
     pub(crate) waited: Vec<Span>,
 }
 
-/// `dt("2024-02-29-23:59:59.999")`.
+/// DATE_AND_TIME of a text: `dt("2024-02-29-23:59:59.999")`.
 pub(crate) fn dt(text: &str) -> [u8; 8] {
     moment(text).to_bytes()
 }
@@ -150,7 +150,7 @@ impl Fake {
         }
     }
 
-    /// Calls the block.
+    /// Calls the block with BR = 1, and keeps how it ended.
     pub(crate) fn run(&mut self) {
         self.br = true;
         let block = self.block.clone();
@@ -208,7 +208,7 @@ impl Fake {
         String::from_utf8_lossy(&bytes[2..2 + usize::from(bytes[1])]).into_owned()
     }
 
-    /// Writes bit memory.
+    /// Writes bit memory from byte `at` on.
     pub(crate) fn memory(&mut self, at: usize, bytes: &[u8]) {
         self.area(Area::Memory, 0)[at..at + bytes.len()].copy_from_slice(bytes);
     }

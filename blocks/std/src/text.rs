@@ -11,7 +11,7 @@ impl Text {
     /// Characters a STRING can hold.
     pub(crate) const MAX: usize = 254;
 
-    /// Nothing yet.
+    /// A text without characters.
     pub(crate) const fn new() -> Self {
         Self { len: 0, bytes: [0; Self::MAX] }
     }

@@ -61,7 +61,7 @@ impl Resolver<'_> {
         bit_address(&format!("{digits}.{}", reader.text(bit)))
     }
 
-    /// `[MD 184]`, `[AR1,P#2.0]`.
+    /// An indirect address in brackets: `[MD 184]`, `[AR1,P#2.0]`.
     pub(crate) fn bracket(&self, reader: &mut Reader<'_, '_>, area: Option<Area>) -> Option<Place> {
         let span = reader.here();
         reader.eat(Kind::LeftBracket)?;
@@ -160,7 +160,7 @@ fn ninth_bit(text: &str) -> Option<String> {
     matches!(bit, "8" | "9").then(|| format!("A byte has the bits 0 to 7: the one behind {byte}.7 is {}.0.", byte + 1))
 }
 
-/// `12.7`.
+/// Byte and bit: `12.7`.
 pub(crate) fn bit_address(text: &str) -> Option<BitAddr> {
     let (byte, bit) = text.split_once('.')?;
     let byte: u32 = byte.parse().ok().filter(|b| *b <= BitAddr::MAX_BYTE)?;

@@ -24,7 +24,7 @@ use crate::value::Value;
 use crate::world::{Info, called};
 
 impl<'l> Lowerer<'l, '_> {
-    /// `CALL`, `UC`, `CC`.
+    /// The operation of `CALL`, `UC` or `CC`.
     pub(crate) fn call(&mut self, mode: CallMode, statement: &Statement) -> Option<Op> {
         let resolver = self.resolver;
         let mut reader = self.reader(statement.operand.clone(), statement.span);
@@ -323,7 +323,7 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
     None
 }
 
-/// Who is called.
+/// Which block is called.
 fn target(
     resolver: &Resolver<'_>,
     reader: &mut Reader<'_, '_>,

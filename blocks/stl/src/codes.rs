@@ -26,13 +26,13 @@ impl Severity {
 /// A row of the table.
 #[derive(Debug)]
 pub struct Code {
-    /// `S0123`.
+    /// The number, `S0123`; it never gets another meaning.
     pub number: &'static str,
     /// Error, warning or lint.
     pub severity: Severity,
     /// What is wrong, in general.
     pub title: &'static str,
-    /// What to do.
+    /// What to do, in general.
     pub remedy: &'static str,
 }
 
@@ -240,7 +240,7 @@ codes! {
         "Write L# in front of it, as STEP 7 wants it; an INT ends at 32767.";
 }
 
-/// The page `docs/stl-errors.md`.
+/// The text of the page `docs/stl-errors.md`.
 #[must_use]
 pub fn page() -> String {
     let mut out = String::from(

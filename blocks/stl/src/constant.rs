@@ -12,11 +12,11 @@ use crate::type_words::with_article;
 /// A constant as written.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Constant {
-    /// `TRUE`, `FALSE`.
+    /// A BOOL: `TRUE` or `FALSE`.
     Bool(bool),
     /// A decimal number without prefix.
     Integer(i64),
-    /// `L#`.
+    /// A DINT with its prefix `L#`.
     DInt(i32),
     /// `B#16#`, `W#16#`, `DW#16#`, `B#(..)`: value and its width in bits.
     Bits(u32, u8),
@@ -26,16 +26,16 @@ pub enum Constant {
     Count(u16),
     Real(f32),
     S5Time(u16),
-    /// Milliseconds.
+    /// `T#`: milliseconds, with sign.
     Time(i32),
-    /// Days since 1990-01-01.
+    /// `D#`: days since 1990-01-01.
     Date(u16),
-    /// Milliseconds since midnight.
+    /// `TOD#`: milliseconds since midnight.
     TimeOfDay(u32),
     DateTime([u8; 8]),
     /// `DTL#`: the 12 bytes of TIA Portal's date and time.
     Dtl([u8; 12]),
-    /// Characters in CP1252.
+    /// A text in quotes: characters in CP1252.
     Text(Vec<u8>),
     Pointer(PointerConstant),
     /// `P##name` of a function's own parameter.
@@ -59,7 +59,7 @@ pub enum ToParam {
 /// `P#12.0`, `P#M 3.0`, `P#DB10.DBX0.0 BYTE 12`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointerConstant {
-    /// `None`: area-internal.
+    /// The area; `None`: an area-internal pointer.
     pub area: Option<Area>,
     pub at: BitAddr,
     /// 0 when no data block is named.
@@ -71,7 +71,7 @@ pub struct PointerConstant {
 }
 
 impl PointerConstant {
-    /// The 32-bit pointer.
+    /// The 32-bit pointer: area code, byte and bit.
     pub fn bits(self) -> u32 {
         self.area.map_or(0, |a| u32::from(a.pointer_code()) << 24) | self.at.0
     }

@@ -83,7 +83,7 @@ impl Elaborator<'_> {
         (!self.world.own.contains(&id)).then_some(id)
     }
 
-    /// `name := value;`
+    /// An assignment of a start value: `name := value;`
     fn assign(
         &mut self,
         file: usize,

@@ -7,7 +7,7 @@ use crate::codes::{self, Code, Severity};
 use crate::source::Source;
 use crate::token::Span;
 
-/// One finding.
+/// One finding about a source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// The number, `S0123`; its page is in `docs/stl-errors.md`.
@@ -16,15 +16,15 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// Index of the source in the order given to [`compile`](crate::compile).
     pub source: usize,
-    /// Line, from 1.
+    /// Line in the source, from 1.
     pub line: u32,
     /// Column in characters, from 1.
     pub column: u32,
     /// Characters concerned, at least 1.
     pub length: u32,
-    /// What is wrong.
+    /// What is wrong, in one sentence.
     pub message: String,
-    /// What to do.
+    /// What to do about it.
     pub remedy: String,
     /// The other sources it is about: all uses of something that does not exist are one finding.
     pub others: Vec<usize>,

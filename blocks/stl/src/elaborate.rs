@@ -45,7 +45,7 @@ pub(crate) enum State<T> {
     Bad,
 }
 
-/// A resolved type.
+/// A type with all names in it resolved.
 #[derive(Clone, Debug)]
 pub(crate) struct Resolved {
     pub(crate) ty: DataType,

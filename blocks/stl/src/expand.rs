@@ -167,7 +167,7 @@ pub(crate) fn index(
 #[derive(Debug)]
 pub(crate) struct Indexed {
     pub(crate) operand: Operand,
-    /// Restores AR1.
+    /// The operation that restores AR1; `None`: nothing uses it.
     pub(crate) restore: Option<Op>,
 }
 

@@ -27,11 +27,11 @@ pub use crate::world::{Data, Info, Symbolic, World, called};
 /// What a block's statements are compiled with.
 #[derive(Debug)]
 pub struct Scope<'s> {
-    /// The block's source.
+    /// The source that the block stands in.
     pub file: &'s File<'s>,
     /// What can be named.
     pub world: &'s World,
-    /// Where findings go.
+    /// Where findings are reported.
     pub sink: &'s mut Sink,
     /// Instance data blocks that calls name and no source declares, with their function block.
     pub wanted: &'s mut BTreeMap<u16, BlockId>,

@@ -126,7 +126,7 @@ impl BlockWord {
         }
     }
 
-    /// As written.
+    /// The word, as it is written.
     pub const fn name(self) -> &'static str {
         match self {
             BlockWord::Ob => "OB",

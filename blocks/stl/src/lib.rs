@@ -135,7 +135,7 @@ pub struct Options {
     pub limit: Option<Limit>,
 }
 
-/// What [`compile`] gives.
+/// What [`compile`] gives for all sources together.
 #[derive(Clone, Debug)]
 pub struct Output {
     /// The program: everything that could be compiled. Run it only when [`Output::is_good`].

@@ -7,7 +7,7 @@ use ob1_model::{BlockId, Interface};
 /// A block of the library.
 #[derive(Clone, Debug)]
 pub struct LibraryBlock {
-    /// Its name: `SEND`.
+    /// Name of the block: `SEND`.
     pub name: String,
     /// Its parameters; for an FB with the layout of its instance (see [`Interface::lay_out`]).
     pub interface: Interface,
@@ -22,7 +22,7 @@ pub struct LibraryBlock {
 pub struct Missing {
     /// What it is, and why it is not there: `SFC 54 RALRM: this CPU has no alarms of modules`.
     pub message: String,
-    /// What to do.
+    /// What to do instead.
     pub remedy: String,
 }
 
@@ -38,7 +38,7 @@ pub struct Library {
 }
 
 impl Library {
-    /// No blocks.
+    /// A library without blocks.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

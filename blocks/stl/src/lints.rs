@@ -28,7 +28,7 @@ pub(crate) struct Whole {
 }
 
 impl Whole {
-    /// Inspects one block.
+    /// Inspects one block and its statements.
     pub(crate) fn block(
         &mut self,
         id: BlockId,

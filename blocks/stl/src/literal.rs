@@ -94,7 +94,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// What follows `P#`.
+    /// Reads what follows `P#`.
     fn pointer(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<PointerConstant> {
         let wrong = |reader: &mut Reader<'_, '_>| {
             reader.report(span, &codes::POINTER, "a pointer is written P#12.0, P#M 3.0 or P#DB10.DBX0.0 BYTE 12");

@@ -26,7 +26,7 @@ pub(crate) enum Shape {
     Scan(Logic, bool),
     /// An operation without operand.
     Plain(Op),
-    /// `=`.
+    /// `=`, with a bit.
     Assign,
     /// `S`: bits and counters.
     Set,
@@ -42,14 +42,14 @@ pub(crate) enum Shape {
     DWordLogic(WordLogic),
     /// Perhaps a constant count up to the number given.
     Shift(Shift, u8),
-    /// `+`.
+    /// `+`, with a constant.
     AddConst,
     Increment,
     Decrement,
     LoadAr(AddressRegister),
     TransferAr(AddressRegister),
     AddAr(AddressRegister),
-    /// `AUF`.
+    /// `AUF`, with a data block.
     OpenDb,
     /// `AUFDI` of TIA Portal: the data block into the DI register.
     OpenDi,
@@ -62,13 +62,13 @@ pub(crate) enum Shape {
     Loop,
     JumpList,
     Call(CallMode),
-    /// `NOP n`.
+    /// `NOP n`, without effect.
     Nothing,
-    /// `BLD n`.
+    /// `BLD n`, a mark of a graphical network.
     Build,
 }
 
-/// A mnemonic.
+/// A mnemonic in both sets.
 #[derive(Debug)]
 pub(crate) struct Row {
     pub(crate) german: &'static str,

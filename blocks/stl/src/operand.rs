@@ -93,7 +93,7 @@ impl<'w> Resolver<'w> {
         }
     }
 
-    /// `==0`, `<>0`, ...
+    /// A condition of the status word: `==0`, `<>0`, ...
     fn relation(&self, reader: &mut Reader<'_, '_>) -> Option<StatusBit> {
         let (relation, zero) = (reader.peek()?, reader.peek_second()?);
         let (_, status) = RELATIONS.iter().find(|(text, _)| *text == reader.text(relation))?;

@@ -241,7 +241,7 @@ impl Parser<'_, '_> {
         named && kind(ahead + 1) == Some(Kind::Assign)
     }
 
-    /// `NAME :=`.
+    /// `NAME :=`: the formal of an actual, as its token.
     fn actual_name(&mut self) -> Option<usize> {
         if !self.name_follows(0) {
             return None;

@@ -261,7 +261,7 @@ impl Parser<'_, '_> {
         TypeKind::Bad
     }
 
-    /// `STRING` or `STRING[20]`.
+    /// A text type: `STRING` or `STRING[20]`.
     fn string(&mut self) -> TypeKind {
         self.bump();
         if !self.eat(Kind::LeftBracket) {

@@ -113,7 +113,7 @@ pub(crate) fn is_frame_or_section(word: &str) -> bool {
     FRAMES.iter().any(|(begin, _, _)| *begin == word) || Section::WORDS.iter().any(|(_, begin)| *begin == word)
 }
 
-/// Parses one file.
+/// Parses one file of STL.
 pub(crate) fn parse(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
     let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::Stl };
     parser.file()

@@ -16,7 +16,7 @@ use crate::value::Value;
 
 /// The result for an actual.
 pub(crate) enum Reached<'w> {
-    /// It is ready.
+    /// It is ready to be passed.
     Arg(Arg),
     /// It is an actual like any other.
     Value(Value<'w>),

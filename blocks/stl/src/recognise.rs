@@ -9,7 +9,7 @@ use crate::words::Words;
 pub(crate) enum Other {
     /// Structured control language; its declarations are those of STL.
     Scl,
-    /// A sequencer.
+    /// A sequencer of S7-GRAPH.
     Graph,
     /// STL of an S7-200.
     S7200,

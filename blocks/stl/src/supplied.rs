@@ -14,7 +14,7 @@ use crate::world::{World, called};
 /// What an instance lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Within {
-    /// A data block.
+    /// A data block, by its number.
     Data(u16),
     /// The instance of a function block that calls it.
     Block(BlockId),

@@ -12,7 +12,7 @@ pub(crate) struct Row {
     /// Empty where the form has none.
     pub(crate) ty: String,
     pub(crate) comment: String,
-    /// Its line.
+    /// Its place in the text.
     pub(crate) span: Span,
 }
 

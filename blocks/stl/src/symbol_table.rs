@@ -23,7 +23,7 @@ use crate::world::Symbolic;
 /// The form of a symbol table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableForm {
-    /// `"name","M 1.0","BOOL","comment"`.
+    /// Four texts in quotes: `"name","M 1.0","BOOL","comment"`.
     Sdf,
     /// `126,name  M  1.0  BOOL  comment` in columns of 24, 12, 10 and 80 characters.
     Asc,

@@ -15,9 +15,9 @@ pub type Tokens = Range<usize>;
 /// How a block is named.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NameRef {
-    /// `FC 9`.
+    /// Kind and number: `FC 9`.
     Absolute(BlockWord, u16),
-    /// `"pump"`, without quotes.
+    /// A symbol, kept without its quotes: `"pump"`.
     Symbol(String),
     /// `pump`: a symbol written without its quotes.
     Bare(String),
@@ -41,7 +41,7 @@ pub struct Block {
     pub name: NameRef,
     /// The place of its name.
     pub span: Span,
-    /// `NAME : xyz`.
+    /// The name of the header: `NAME : xyz`.
     pub header_name: Option<String>,
     /// The function value's type; `None` for `VOID`.
     pub result: Option<Type>,
@@ -49,7 +49,7 @@ pub struct Block {
     pub optimized: bool,
     /// `CODE_VERSION1`: never a multi-instance, so that its instance begins with the data block in the DI register.
     pub code_version1: bool,
-    /// `VAR CONSTANT`.
+    /// The declarations of `VAR CONSTANT`.
     pub constants: Vec<Declaration>,
     /// Its statements are of another language and left out.
     pub foreign: bool,
@@ -114,7 +114,7 @@ pub enum Bound {
     Value(Tokens),
 }
 
-/// A declaration.
+/// A declaration with its place.
 #[derive(Debug)]
 pub struct Declaration {
     pub name: String,
@@ -132,7 +132,7 @@ pub struct Assignment {
     pub value: Tokens,
 }
 
-/// A statement.
+/// A statement, its operand still as tokens.
 #[derive(Debug)]
 pub struct Statement {
     pub label: Option<usize>,

@@ -21,11 +21,11 @@ pub enum Kind {
     Word,
     /// A number without sign: `10`, `1.0`, `1.5e-3`, `2#0101`, `16#FF`.
     Number,
-    /// `"symbol"`, quotes included.
+    /// A symbol: `"symbol"`, quotes included.
     Symbol,
     /// `#name`, `#"name"`, the sign included.
     Local,
-    /// `'text'`, quotes included.
+    /// A text: `'text'`, quotes included.
     Text,
     /// A constant with prefix: `W#16#14`, `S5T#2S`, `L#-5`; `B#` alone before `(`.
     Typed,
@@ -35,29 +35,29 @@ pub enum Kind {
     Title,
     /// `{ S7_attr := 'x' }`.
     Attributes,
-    /// `:`.
+    /// The sign `:` of declarations and labels.
     Colon,
-    /// `:=`.
+    /// The assignment sign: `:=`.
     Assign,
-    /// `;`.
+    /// The sign `;` that ends a statement.
     Semicolon,
-    /// `,`.
+    /// The sign `,` between operands.
     Comma,
-    /// `(`.
+    /// An opening parenthesis: `(`.
     LeftParen,
-    /// `)`.
+    /// A closing parenthesis: `)`.
     RightParen,
-    /// `[`.
+    /// An opening bracket: `[`.
     LeftBracket,
-    /// `]`.
+    /// A closing bracket: `]`.
     RightBracket,
-    /// `.`.
+    /// A single dot: `.`.
     Dot,
-    /// `..`.
+    /// Two dots, of a range: `..`.
     DotDot,
     /// An operator: `= == <> < > <= >= + - * /`; in SCL also `** & ^`.
     Operator,
-    /// `=>` of SCL.
+    /// `=>` of SCL: where an output goes.
     Arrow,
     /// `+=`, `-=`, `*=`, `/=`, `?=` of SCL.
     AssignWith,
@@ -74,7 +74,7 @@ pub enum Kind {
 pub struct Token {
     pub kind: Kind,
     pub span: Span,
-    /// Line, from 1.
+    /// Line in the source, from 1.
     pub line: u32,
     /// White space, or the start of a line, precedes it.
     pub spaced: bool,

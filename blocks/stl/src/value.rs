@@ -7,7 +7,7 @@ use crate::constant::Constant;
 use crate::identifiers::BlockWord;
 use crate::type_words::with_article;
 
-/// An operand.
+/// An operand, once its tokens were read.
 #[derive(Clone, Debug)]
 pub(crate) enum Value<'w> {
     /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of

@@ -99,7 +99,7 @@ impl Info {
     }
 }
 
-/// A data block.
+/// A data block, as statements can name it.
 #[derive(Debug)]
 pub struct Data {
     pub name: Option<String>,
@@ -107,7 +107,7 @@ pub struct Data {
     /// The declarations, composed types whole.
     pub components: Vec<Component>,
     names: BTreeMap<String, usize>,
-    /// The load values.
+    /// The load values, as they lie in the data block.
     pub image: Vec<u8>,
     pub read_only: bool,
     pub non_retain: bool,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BusConfig {
-    /// Its name.
+    /// Name of the bus in the station file.
     pub name: String,
     /// Input bytes of all couplers.
     pub input_bytes: usize,
@@ -20,7 +20,7 @@ pub struct BusConfig {
     /// If the scan gives no sign of life for this long, the outputs go off.
     #[serde(with = "nanos")]
     pub scan_timeout: Span,
-    /// Its lines.
+    /// The lines that the process of the bus drives.
     pub lines: Vec<LineConfig>,
 }
 
@@ -50,7 +50,7 @@ pub struct LineConfig {
     /// Longest wait for an answer.
     #[serde(with = "nanos")]
     pub timeout: Span,
-    /// Its couplers.
+    /// The Modbus couplers on this line.
     pub couplers: Vec<CouplerConfig>,
     /// PROFIBUS DP instead of Modbus.
     #[serde(default)]
@@ -86,9 +86,9 @@ impl LineConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Serial {
-    /// Bits per second.
+    /// Bits per second on the line.
     pub baud: u32,
-    /// Parity bit.
+    /// Parity bit of each character.
     #[serde(with = "ParityWord")]
     pub parity: Parity,
     /// Stop bits, 1 or 2.
@@ -118,11 +118,11 @@ enum ParityWord {
     Even,
 }
 
-/// A coupler.
+/// A coupler: its address, its times, its ranges.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CouplerConfig {
-    /// Its name.
+    /// Name of the coupler in the station file, and in messages.
     pub name: String,
     /// Its address on the line, or on its connection.
     pub unit: u8,
@@ -151,9 +151,9 @@ pub struct CouplerConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Proof {
-    /// First of them.
+    /// Number of the first of them, from 0.
     pub first: u16,
-    /// How many.
+    /// How many registers are read, from `first` on.
     pub count: u16,
     /// The required values of some of them: the number counted from the first one, and the value.
     pub expected: Vec<(u16, u16)>,
@@ -180,7 +180,7 @@ impl Table {
     pub const ALL: [(&'static str, Self); 4] =
         [("coil", Self::Coil), ("discrete", Self::Discrete), ("holding", Self::Holding), ("input", Self::Input)];
 
-    /// Its word.
+    /// The word for the table in a station file and in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, table)| *table == self).map_or("", |(name, _)| name)
@@ -210,7 +210,7 @@ pub enum Order {
     Little,
     /// The registers of each pair swapped, for double words (`CD AB`).
     Words,
-    /// Both (`DC BA`).
+    /// Both: bytes and registers swapped (`DC BA`).
     Reversed,
 }
 
@@ -224,13 +224,13 @@ impl Order {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
-    /// Their table.
+    /// The table that the elements belong to.
     pub table: Table,
     /// First of them, from 0.
     pub first: u16,
-    /// How many.
+    /// How many registers or bits.
     pub count: u16,
-    /// Registers only.
+    /// Byte order in the image; bits ignore it.
     #[serde(default)]
     pub order: Order,
     /// First byte in the inputs, or outputs, of the bus.
@@ -256,9 +256,9 @@ impl Range {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
-    /// [`Table::Holding`] or [`Table::Coil`].
+    /// The table: [`Table::Holding`] or [`Table::Coil`].
     pub table: Table,
-    /// The element.
+    /// Number of the register or coil, from 0.
     pub at: u16,
     /// The value; for a coil 0 or 1.
     pub value: u16,

@@ -155,7 +155,7 @@ impl Coupler {
         }
     }
 
-    /// Time has passed.
+    /// Time has passed: a coupler that has been silent for too long is lost, and its connection is made anew.
     pub(crate) fn tick(&mut self, now: Instant, image: &mut Image) {
         let state = image.status.get(self.index).map(|status| status.state);
         if state != Some(State::Lost) && now >= self.lost_at() {

@@ -15,7 +15,7 @@ use crate::nanos;
 pub struct DpConfig {
     /// Bits per second; one of [`BAUD_RATES`].
     pub baud: u32,
-    /// Our own address.
+    /// Address of the master: our own.
     pub address: u8,
     /// HSA: the highest address at which to look for another master.
     pub hsa: u8,
@@ -26,17 +26,17 @@ pub struct DpConfig {
     /// The watchdog of the slaves.
     #[serde(with = "nanos")]
     pub watchdog: Span,
-    /// Its slaves.
+    /// The slaves that the master parametrises and exchanges data with.
     pub slaves: Vec<DpSlave>,
 }
 
-/// A slave.
+/// A DP slave as its GSD file and the station file have it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DpSlave {
-    /// Its name.
+    /// Name of the slave in the station file, and in messages.
     pub name: String,
-    /// Its address.
+    /// Address of the slave on the line.
     pub station: u8,
     /// Its expected ident number, from its GSD file.
     pub ident: u16,
@@ -44,7 +44,7 @@ pub struct DpSlave {
     pub answer_bits: u16,
     /// Its configuration: the identifiers of its modules.
     pub config: Vec<u8>,
-    /// Its user parameters.
+    /// User parameters, the part of Set_Prm after its first seven bytes.
     pub parameters: Vec<u8>,
     /// A slave that has been silent for this long is lost.
     #[serde(with = "nanos")]
@@ -67,9 +67,9 @@ pub struct DpSlave {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DiagnosisField {
-    /// Its lowest bit.
+    /// Lowest bit of the field, from 0.
     pub first: u16,
-    /// Its highest bit.
+    /// Highest bit of the field, included.
     pub last: u16,
     /// The meanings of its values.
     pub texts: BTreeMap<u16, String>,

@@ -9,7 +9,7 @@ pub enum State {
     /// There was no exchange yet.
     #[default]
     Starting = 0,
-    /// Exchange works.
+    /// The exchange of inputs and outputs works.
     Running = 1,
     /// It has not answered for too long.
     Lost = 2,
@@ -29,7 +29,7 @@ impl State {
         }
     }
 
-    /// By its number.
+    /// The state of this number; `None` if there is no such state.
     #[must_use]
     pub const fn of(number: u8) -> Option<Self> {
         Some(match number {
@@ -51,7 +51,7 @@ pub struct Refusal {
     pub exception: u8,
     /// Table of the elements.
     pub table: Table,
-    /// First element.
+    /// Number of the first element asked for, from 0.
     pub first: u16,
 }
 
@@ -66,7 +66,7 @@ impl std::fmt::Display for Refusal {
 /// The public status of a coupler. Counters only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Its state.
+    /// Whether and how it takes part in the exchange.
     pub state: State,
     /// Its present refusal; the newest, if there is more than one. For a lost coupler: the exception with which its
     /// gateway reports it as unreachable.
@@ -139,7 +139,7 @@ pub const RANGES_MAX: usize = 64;
 pub struct Image {
     /// The inputs of the couplers. The bytes of one coupler change together.
     pub inputs: Vec<u8>,
-    /// Their outputs.
+    /// The outputs for the couplers, as the scan wants them.
     pub outputs: Vec<u8>,
     /// False: the outputs are off, whatever [`Self::outputs`] says.
     pub driven: bool,

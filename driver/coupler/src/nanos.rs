@@ -3,16 +3,16 @@
 use ob1_protocols::Span;
 use serde::{Deserialize as _, Deserializer, Serializer};
 
-/// Writes it.
+/// Writes a span as a whole number of nanoseconds.
 ///
 /// # Errors
-/// The serializer's error.
+/// The serializer cannot write a number.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
 pub fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_u64(span.nanos())
 }
 
-/// Reads it.
+/// Reads a whole number of nanoseconds.
 ///
 /// # Errors
 /// It is not a number.

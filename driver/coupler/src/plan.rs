@@ -7,9 +7,9 @@ use crate::config::{Range, Table};
 /// Consecutive elements of one request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
-    /// Their table.
+    /// The table that the elements belong to.
     pub table: Table,
-    /// First of them.
+    /// Number of the first element, from 0.
     pub first: u16,
     /// Their number, at most the maximum of a request.
     pub count: u16,

@@ -21,7 +21,7 @@ const BURSTS: Span = Span::from_millis(20);
 pub(crate) enum Outcome {
     /// Its answer, good or an exception.
     Answer(Vec<u8>),
-    /// No usable answer.
+    /// No usable answer: silence, a damaged answer, or no connection.
     Failed,
 }
 

@@ -23,7 +23,7 @@ struct Keys {
     params: serde_json::Map<String, serde_json::Value>,
 }
 
-/// The configuration, checked.
+/// The configuration with every part parsed and checked.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Config {
     pub(crate) station: String,

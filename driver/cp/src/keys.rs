@@ -10,7 +10,7 @@ pub type KeyedParameters = Result<Cp341, ParamError>;
 /// The type of the module in the configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CpType {
-    /// The type.
+    /// Which CP the process is.
     pub kind: CpKind,
     /// Its parameters, if they are keys; otherwise they are 16 bytes.
     pub keys: Option<KeyedParameters>,

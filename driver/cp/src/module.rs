@@ -5,7 +5,6 @@ use ob1_params::CpKind;
 
 use crate::keys::CpType;
 
-/// A module.
 pub(crate) struct Module {
     kind: CpKind,
     firmware: Box<dyn Cp>,
@@ -18,7 +17,6 @@ impl Module {
         Self { kind, firmware: ob1_firmware::of(kind, generation, io_bytes), due: None }
     }
 
-    /// Its type.
     pub(crate) const fn kind(&self) -> CpKind {
         self.kind
     }
@@ -33,7 +31,6 @@ impl Module {
         self.firmware.is_working()
     }
 
-    /// The firmware.
     pub(crate) fn cp(&self) -> &dyn Cp {
         &*self.firmware
     }
@@ -42,7 +39,7 @@ impl Module {
         self.firmware.enable_diagnostics(enabled);
     }
 
-    /// Takes one input.
+    /// Passes one input to the firmware, and keeps when it is due next.
     pub(crate) fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) {
         self.due = self.firmware.step(now, input, port);
     }

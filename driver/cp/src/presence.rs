@@ -13,7 +13,7 @@ pub enum Change {
     NotYet,
     /// It is gone, or does not come.
     Gone,
-    /// It is there.
+    /// The line is there, or there again.
     Back,
 }
 
@@ -23,11 +23,11 @@ pub enum Presence {
     /// Nothing: it counts as there.
     #[default]
     Untold,
-    /// It is there.
+    /// The line is there, and the firmware knows it.
     There,
     /// It has not been there yet; it is a wire break at this time.
     NotYet(Instant),
-    /// It is gone.
+    /// The line is gone or never came: a wire break.
     Gone,
 }
 

@@ -156,7 +156,7 @@ impl CpPump {
         self.seen != Some(self.end.segment.changes())
     }
 
-    /// Ends the sleep.
+    /// Ends the sleep: the CPU side need not ring the doorbell any more.
     pub fn awake(&mut self) {
         self.end.segment.awake();
     }

@@ -28,7 +28,7 @@ pub struct Gsd(Box<GenericStationDescription>);
 /// A parameter given by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// A number.
+    /// A number; for a text of the GSD file its value.
     Number(i64),
     /// One of the texts of the GSD file.
     Text(String),
@@ -39,7 +39,7 @@ pub enum Value {
 pub enum Parameters {
     /// By name; the others have the values of the GSD file.
     Named(Vec<(String, Value)>),
-    /// All bytes.
+    /// All user parameters as bytes; nothing comes from the GSD file.
     Raw(Vec<u8>),
 }
 
@@ -54,16 +54,16 @@ impl Default for Parameters {
 pub struct Wanted {
     /// Its name in the GSD file.
     pub module: String,
-    /// Its parameters.
+    /// User parameters of the module.
     pub parameters: Parameters,
 }
 
 /// A module in its slot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Placed {
-    /// Its input bytes.
+    /// Input bytes that the module has.
     pub inputs: usize,
-    /// Its output bytes.
+    /// Output bytes that the module has.
     pub outputs: usize,
 }
 
@@ -74,7 +74,7 @@ pub struct Made {
     pub slots: Vec<Placed>,
     /// Configuration: the identifiers of the modules.
     pub config: Vec<u8>,
-    /// User parameters.
+    /// User parameters of the slave and its modules, as Set_Prm carries them.
     pub parameters: Vec<u8>,
 }
 
@@ -85,9 +85,9 @@ pub struct Mistake {
     pub slot: Option<usize>,
     /// The parameter; `None`: the module.
     pub parameter: Option<String>,
-    /// The message.
+    /// What is wrong, in words.
     pub message: String,
-    /// The remedy.
+    /// What to write instead, in words.
     pub remedy: String,
 }
 
@@ -114,13 +114,13 @@ impl Gsd {
         }
     }
 
-    /// Maker and model.
+    /// Maker and model of the slave, as the GSD file names them.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{} {}", self.0.vendor, self.0.model).trim().to_owned()
     }
 
-    /// Its ident number.
+    /// Ident number: the slave reports it, and the master compares it.
     #[must_use]
     pub fn ident(&self) -> u16 {
         self.0.ident_number
@@ -303,7 +303,6 @@ pub fn lengths(config: &[u8]) -> Option<(usize, usize)> {
     Some((inputs, outputs))
 }
 
-/// An invalid parameter.
 struct Wrong {
     parameter: Option<String>,
     message: String,

@@ -11,11 +11,11 @@ use crate::stack::{NoMaster, Stack};
 /// A slave that answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Its address.
+    /// Address of the slave on the line.
     pub station: u8,
-    /// Its ident number.
+    /// Ident number that it reports in its diagnosis.
     pub ident: u16,
-    /// Its master.
+    /// Address of the master that has parametrised it; `None`: it has none.
     pub master: Option<u8>,
 }
 

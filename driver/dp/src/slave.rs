@@ -21,19 +21,19 @@ const NO_MASTER: u8 = 0xFF;
 /// The configuration of a slave.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SlaveConfig {
-    /// Bits per second.
+    /// Bits per second on the line.
     pub baud: u32,
-    /// Its address.
+    /// Address of the slave on the line.
     pub address: u8,
-    /// Its ident number.
+    /// Ident number: a Set_Prm with another one is refused.
     pub ident: u16,
     /// The configuration of its modules.
     pub config: Vec<u8>,
     /// The user parameters it accepts; `None`: any.
     pub parameters: Option<Vec<u8>>,
-    /// Input bytes.
+    /// Number of input bytes that it sends.
     pub inputs: usize,
-    /// Output bytes.
+    /// Number of output bytes that it takes.
     pub outputs: usize,
     /// Time from a request to its answer, in bits, in addition to the minimum set by its master.
     pub delay_bits: u32,
@@ -47,11 +47,11 @@ pub enum State {
     WaitParameters,
     /// It waits for its configuration.
     WaitConfig,
-    /// It exchanges data.
+    /// It exchanges inputs and outputs with its master.
     Exchange,
 }
 
-/// A slave.
+/// A DP slave as a machine; for tests and simulations.
 pub struct Slave {
     config: SlaveConfig,
     state: State,
@@ -61,7 +61,7 @@ pub struct Slave {
     over: Instant,
     min_answer_bits: u32,
     faults: (bool, bool),
-    /// Its inputs.
+    /// The inputs that it sends with its next answer.
     pub inputs: Vec<u8>,
     /// Its outputs: 0 unless data are exchanged.
     pub outputs: Vec<u8>,
@@ -115,7 +115,7 @@ impl Slave {
         }
     }
 
-    /// Its state.
+    /// How far its master has brought it.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
@@ -391,7 +391,6 @@ impl Slave {
     }
 }
 
-/// An answer.
 enum Answer {
     Confirmation,
     /// No data, only a status.

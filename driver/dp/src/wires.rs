@@ -42,7 +42,6 @@ pub struct Wires {
     diagnosis: Option<(u8, Vec<u8>)>,
     /// Telegrams that were damaged, cut off, or did not answer the request.
     rejected: u64,
-    /// Telegrams sent.
     sent: u64,
 }
 
@@ -59,7 +58,7 @@ impl Wires {
         (self.sending, self.noise, self.heard, self.asked) = (false, false, 0, None);
     }
 
-    /// Characters came in.
+    /// Takes characters of the line; they are dropped while we send, and after noise until a pause.
     pub(crate) fn hear(&mut self, now: Instant, bytes: &[u8]) {
         self.listen(now, bytes.len());
         if self.noise || self.sending {
@@ -110,7 +109,7 @@ impl Wires {
         self.rejected
     }
 
-    /// Telegrams sent.
+    /// Number of telegrams sent; it only grows.
     #[must_use]
     pub const fn sent(&self) -> u64 {
         self.sent

@@ -202,7 +202,7 @@ impl Cp040 {
         self.parameters.as_ref().is_some_and(Parameters::detects_break)
     }
 
-    /// Empties both directions.
+    /// Empties both directions: a running order is aborted, received telegrams are dropped; both are counted.
     fn clear(&mut self, port: &mut dyn CpPort) {
         let telegrams_max = self.parameters.as_ref().map_or(1, Parameters::receive_buffers);
         let (aborted, dropped) = self.exchange.clear(telegrams_max);

@@ -57,7 +57,7 @@ enum Phase {
     Identify,
     /// It was acknowledged; the CPU must now clear the acknowledgement.
     Clearing,
-    /// At work.
+    /// Start-up is over: orders and telegrams are passed on.
     Working,
 }
 

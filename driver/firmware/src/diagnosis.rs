@@ -4,7 +4,7 @@
 //! one for each character. Another kind of error while ER is on raises an interrupt of its own.
 //!
 //! The manual prints no bytes. The first four are those of an S7 module's data record 0 as the CP 341 has them
-//! [reference 1.9]; two more name the occurrence as in the event classes 7 and 8.
+//! [CP 341 manual 09/2008, p. 204]; two more name the occurrence as in the event classes 7 and 8.
 
 use ob1_protocols::{Event, LineFault, What};
 
@@ -18,7 +18,7 @@ pub type DiagnosticRecord = [u8; 20];
 /// Module class: communication module.
 pub(crate) const CLASS: u8 = 0x0C;
 
-/// Bytes 0 and 2 for an open circuit: the line or its device is gone. 25 0C 02 00 [reference 1.9]
+/// Bytes 0 and 2 for an open circuit: the line or its device is gone. 25 0C 02 00 [CP 341 manual 09/2008, p. 204]
 pub(crate) const OPEN_CIRCUIT: (u8, u8) = (0x25, 0x02);
 
 /// Kinds of error, distinguished by what they set in bytes 0 and 2.

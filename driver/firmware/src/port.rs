@@ -10,7 +10,7 @@ use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
 use crate::reason::{Reason, Waiting};
 
-/// A whole CP.
+/// A whole CP: handshakes, protocol, buffers, LEDs and diagnosis.
 pub trait Cp: Debug {
     /// Takes one input at time `now` and returns when [`CpInput::Tick`] is due. An input that this type does not have
     /// changes nothing.
@@ -194,9 +194,9 @@ pub enum CpCounter {
     ReceiveErrors,
     /// Attempts of the partner rejected because the buffer was full.
     Rejected,
-    /// Characters transmitted.
+    /// Characters transmitted on the line.
     BytesTx,
-    /// Characters received.
+    /// Characters received from the line.
     BytesRx,
     /// Times the line was found gone.
     LineFaults,
@@ -236,9 +236,9 @@ pub enum StartReason {
 pub enum CpEvent<'a> {
     /// The CP shows start-up identifier number `number` and waits for the CPU.
     Startup {
-        /// 1 to 255.
+        /// Number of the start-up identifier, 1 to 255.
         number: u8,
-        /// The reason.
+        /// What has caused the start-up.
         reason: StartReason,
     },
     /// The CPU has acknowledged; the CP works.
@@ -288,7 +288,7 @@ pub enum CpEvent<'a> {
     Record {
         /// The error comes; otherwise it has gone.
         incoming: bool,
-        /// The record.
+        /// The record as SFC 59 reads it.
         record: DiagnosticRecord,
     },
 }

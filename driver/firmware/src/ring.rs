@@ -1,5 +1,5 @@
 //! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a
-//! CP 341 of 4096 [reference 6.2].
+//! CP 341 of 4096 [TIA help "Configuration for point-to-point links"].
 
 use ob1_protocols::Part;
 
@@ -8,7 +8,7 @@ use ob1_words::cp240::BUFFER_BYTES;
 /// Bytes of the largest buffer of a CP 240: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
 const BYTES_MAX: usize = 2048;
 
-/// Bytes of the receive buffer of a CP 341. [reference 6.2]
+/// Bytes of the receive buffer of a CP 341. [TIA help "Configuration for point-to-point links"]
 pub(crate) const BYTES_341: usize = 4096;
 
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
@@ -17,7 +17,7 @@ pub const TELEGRAMS_MAX: usize = 250;
 /// Places beside the telegrams, for what a CP 040 tells of the ones that it could not receive.
 pub(crate) const ERRORS_MAX: usize = 8;
 
-/// Places.
+/// Places for lengths: one for each telegram, and those for errors.
 const PLACES: usize = TELEGRAMS_MAX + ERRORS_MAX;
 
 /// In a length: more of the telegram follows, or the rest of it is lost.
@@ -63,7 +63,8 @@ impl Capacity {
         Self { bytes, ..Self::buffers(telegrams) }
     }
 
-    /// One telegram, always the newest: "1 telegram + no overwrite protection". [reference 6.2]
+    /// One telegram, always the newest: "1 telegram + no overwrite protection".
+    /// [TIA help "Configuration for point-to-point links"]
     pub(crate) const fn newest(self) -> Self {
         Self { telegrams: 1, overwrites: true, ..self }
     }
@@ -75,7 +76,7 @@ pub(crate) struct Ring<const BYTES: usize = BYTES_MAX> {
     bytes: [u8; BYTES],
     /// Begin of the oldest telegram.
     head: usize,
-    /// Bytes in use.
+    /// Bytes in use, from `head` on.
     used: usize,
     /// Length of each telegram or part, with [`MORE`] and [`BROKEN`].
     lengths: [u16; PLACES],
@@ -105,7 +106,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         self.capacity = capacity;
     }
 
-    /// Telegrams waiting.
+    /// Number of telegrams that wait for the CPU.
     pub(crate) const fn telegrams(&self) -> usize {
         self.telegrams
     }
@@ -178,7 +179,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         (self.telegrams > 0).then(|| usize::from(self.lengths[self.first] & !(MORE | BROKEN)))
     }
 
-    /// What follows it.
+    /// What follows the oldest part: the rest of its telegram, nothing, or its loss.
     pub(crate) const fn oldest_part(&self) -> Part {
         match self.lengths[self.first] & (MORE | BROKEN) {
             0 => Part::Last,

@@ -22,7 +22,7 @@ pub(crate) struct Line {
     spec: LineSpec,
     pub(crate) real: RealLine,
     pub(crate) master: Master,
-    /// Its listeners.
+    /// Who listens to the line (`ob1 trace`).
     pub(crate) tap: Tap,
     /// When it is due without any event.
     pub(crate) deadline: Instant,

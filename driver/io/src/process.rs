@@ -21,7 +21,7 @@ use crate::told::Told;
 /// Time for switching off the outputs of the couplers at the end.
 const LAST_OUTPUTS: Span = Span::from_millis(500);
 
-/// The process.
+/// The process of a bus: its lines and chips, and the image they share.
 pub(crate) struct Process {
     start: time::Instant,
     pump: Pump,

@@ -17,7 +17,7 @@ const LONGEST: Span = Span::from_secs(60);
 /// Prints a line of JSON for each slave that answers.
 ///
 /// # Errors
-/// The line's error, in words.
+/// No PROFIBUS in the configuration, a line that cannot be opened or was lost; in words.
 pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     let config = bus.lines.iter().find(|line| line.dp.is_some()).ok_or_else(|| io::Error::other("no PROFIBUS"))?;
     let dp = config.dp.as_ref().ok_or_else(|| io::Error::other("no PROFIBUS"))?;

@@ -30,7 +30,7 @@ enum Known {
     Nothing,
     /// The last telegram did not come back.
     Silent,
-    /// Telegrams come back.
+    /// Telegrams come back: the adapter has an echo.
     Echoes,
 }
 
@@ -47,7 +47,7 @@ pub(crate) struct Verdict {
 #[derive(Clone, Debug)]
 pub(crate) struct Echo {
     known: Known,
-    /// The last telegram.
+    /// The last telegram sent, to compare with.
     sent: Vec<u8>,
     /// So many of its characters have come back, from the first, and nothing else.
     back: usize,

@@ -22,7 +22,7 @@ use ob1_socket::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 /// A further participant of the line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Partner {
-    /// Only the CPs.
+    /// None: only CPs are on the line.
     #[default]
     None,
     /// A partner that sends back every character.
@@ -77,7 +77,7 @@ impl Hub {
     /// A line that listens at `path`. The caller owns that name (see [`Listener::bind`]).
     ///
     /// # Errors
-    /// The system's error for the path.
+    /// The system refuses the socket at `path`: no such folder, no permission, too long.
     pub fn open(path: &Path, config: BusConfig, seed: u64, partner: &Partner) -> io::Result<Self> {
         let mut bus = SimBus::new(config, seed);
         let frame = Frame::of(&LineSettings::default());

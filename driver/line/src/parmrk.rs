@@ -13,9 +13,9 @@ pub enum Mark {
 /// The result of one call of [`ParmrkDecoder::decode`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Decoded {
-    /// Raw bytes consumed.
+    /// Raw bytes taken from the input.
     pub used: usize,
-    /// Good bytes written.
+    /// Good bytes written to the output.
     pub written: usize,
     /// The fault that ended the run, after the bytes written.
     pub mark: Option<Mark>,
@@ -25,9 +25,9 @@ pub struct Decoded {
 enum State {
     #[default]
     Plain,
-    /// FFh seen.
+    /// FFh has come: an escape begins.
     Escape,
-    /// FFh 00h seen.
+    /// FFh 00h has come: the next byte is marked.
     Marked,
 }
 

@@ -25,7 +25,7 @@ enum State {
     Down(Instant),
     /// Being opened; try again when ready, or at this time.
     Opening(Option<Instant>),
-    /// Usable.
+    /// Open, with the settings in force.
     Up,
     /// The settings were refused: waits for others.
     Refused,

@@ -24,13 +24,13 @@ pub(crate) const fn check(settings: &LineSettings) -> Result<(), SettingsError> 
 /// Settings that no line accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
-    /// 1.5 stop bits.
+    /// 1.5 stop bits: Linux cannot set them.
     #[error("1.5 stop bits: Linux cannot set them; use 1 or 2 stop bits (a receiver set to 1.5 accepts 2)")]
     StopBits,
     /// Data bits outside 5 to 8.
     #[error("{0} data bits: only 5 to 8 exist")]
     DataBits(u8),
-    /// Baud rate 0.
+    /// A baud rate of 0.
     #[error("0 baud")]
     Baud,
 }

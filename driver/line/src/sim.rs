@@ -40,17 +40,17 @@ pub use rng::SplitMix64;
 /// One end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum End {
-    /// The first.
+    /// One end; both are alike.
     A,
-    /// The second.
+    /// The other end of the line.
     B,
 }
 
 impl End {
-    /// Both ends.
+    /// Both ends of the line.
     pub const BOTH: [Self; 2] = [Self::A, Self::B];
 
-    /// The opposite end.
+    /// The end that hears this one.
     pub fn other(self) -> Self {
         match self {
             Self::A => Self::B,
@@ -84,7 +84,7 @@ pub struct SimConfig {
     /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes
     /// at its own time, and only a late owner gets several at once.
     pub coalesce: Span,
-    /// The faults.
+    /// Faults of both directions, and how often they come.
     pub faults: FaultRates,
     /// Characters that begin at or after this time have no faults.
     pub faults_until: Instant,
@@ -130,7 +130,7 @@ impl SimLine {
         }
     }
 
-    /// The configuration.
+    /// The configuration, with the faults as they are now.
     pub fn config(&self) -> &SimConfig {
         &self.config
     }

@@ -22,7 +22,7 @@ const GENERIC: bool = cfg!(any(
 
 /// Transmitter physically empty (`TIOCSER_TEMT`).
 const TEMT: u32 = 0x01;
-/// `ASYNC_LOW_LATENCY` in `serial_struct.flags`.
+/// `ASYNC_LOW_LATENCY` in `serial_struct.flags`: characters are handed over at once.
 const LOW_LATENCY: i32 = 1 << 13;
 
 /// The kernel's `struct serial_struct` up to `flags`, and more room than the rest of it takes on any architecture.

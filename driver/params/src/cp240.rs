@@ -44,11 +44,11 @@ impl Interface {
 pub struct Cp240 {
     /// Baud rate, one of the table's.
     pub baud: u32,
-    /// Data bits, 5..8.
+    /// Data bits of a character, 5 to 8.
     pub data_bits: u8,
-    /// Parity bit.
+    /// Parity bit of a character.
     pub parity: Parity,
-    /// Stop bits.
+    /// Stop bits of a character.
     pub stop_bits: StopBits,
     /// The protocol and its parameters.
     pub protocol: Protocol,
@@ -61,11 +61,11 @@ pub struct Cp240 {
 pub enum Protocol {
     /// 01h ASCII, 11h ASCII-fragmented.
     Ascii(Ascii),
-    /// 02h STX/ETX.
+    /// 02h STX/ETX: telegrams between start and end characters.
     StxEtx(StxEtx),
     /// 03h 3964, 04h 3964R, 05h and 06h the same with RK 512.
     S3964(S3964),
-    /// 0Ah..0Dh, 1Ch, 1Dh.
+    /// Codes 0Ah to 0Dh, 1Ch and 1Dh: see [`ModbusKind`].
     Modbus(Modbus),
     /// F0h M-Bus. It has no parameters: each telegram names its baud rate.
     MBus,
@@ -94,7 +94,7 @@ impl Protocol {
 pub struct Ascii {
     /// Telegrams go to the CPU in blocks of 12 bytes as they come in.
     pub fragmented: bool,
-    /// Flow control.
+    /// Who may stop the sender, and how.
     pub flow: Flow,
     /// ZNA, 0..5100: pause after the last bit before the order is done.
     pub zna_ms: u16,
@@ -107,19 +107,19 @@ pub struct Ascii {
 /// Parameters of STX/ETX. Times in milliseconds, multiples of 20.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StxEtx {
-    /// Flow control.
+    /// Who may stop the sender, and how.
     pub flow: Flow,
-    /// ZNA, 0..5100.
+    /// ZNA, 0..5100: pause after the last bit before the order is done.
     pub zna_ms: u16,
     /// TMO, 20..5100: longest pause between two characters of a telegram.
     pub tmo_ms: u16,
     /// Number of start characters in use, 0..2.
     pub start_flags: u8,
-    /// The start characters.
+    /// The start characters; only the first `start_flags` count.
     pub start: [u8; 2],
     /// Number of end characters in use, 0..2.
     pub end_flags: u8,
-    /// The end characters.
+    /// The end characters; only the first `end_flags` count.
     pub end: [u8; 2],
 }
 
@@ -130,7 +130,7 @@ pub struct S3964 {
     pub bcc: bool,
     /// With RK 512 on top.
     pub rk512: bool,
-    /// ZNA, 0..5100.
+    /// ZNA, 0..5100: pause after the last bit before the order is done.
     pub zna_ms: u16,
     /// ZVZ, 0..5100; 0: about two character times.
     pub zvz_ms: u16,
@@ -146,42 +146,42 @@ pub struct S3964 {
     pub priority: Priority,
 }
 
-/// Priority of 3964(R).
+/// Priority of 3964(R): who gives way when both begin at the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Priority {
-    /// Gives way.
+    /// Gives way to the partner.
     Low,
-    /// Goes first.
+    /// Goes first; the partner must have the other priority.
     High,
 }
 
 /// Parameters of the Modbus modes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Modbus {
-    /// The mode.
+    /// Master or slave, ASCII or RTU, short or long.
     pub kind: ModbusKind,
     /// Slave address, 1..255; that of a master, which does not count, also 0.
     pub address: u8,
-    /// For internal tests.
+    /// For the maker's internal tests; without effect here.
     pub debug: bool,
     /// Wait of the master in milliseconds, 1..60000; 0: see [`Modbus::wait_auto_ms`]. A slave ignores it.
     pub wait_ms: u16,
 }
 
-/// The Modbus modes.
+/// The Modbus modes, one for each protocol code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ModbusKind {
-    /// 0Ah.
+    /// 0Ah: a master with telegrams in ASCII.
     MasterAscii,
-    /// 0Bh.
+    /// 0Bh: a master with telegrams in RTU.
     MasterRtu,
-    /// 0Ch.
+    /// 0Ch: slave, ASCII, short areas.
     SlaveAsciiShort,
-    /// 0Dh.
+    /// 0Dh: slave, RTU, short areas.
     SlaveRtuShort,
-    /// 1Ch.
+    /// 1Ch: slave, ASCII, long areas.
     SlaveAsciiLong,
-    /// 1Dh.
+    /// 1Dh: slave, RTU, long areas.
     SlaveRtuLong,
 }
 
@@ -195,7 +195,7 @@ impl ModbusKind {
         (Self::SlaveRtuLong, "modbus-slave-rtu-long"),
     ];
 
-    /// A master.
+    /// Whether the CP is a master: it sends requests, and needs no address.
     #[must_use]
     pub const fn is_master(self) -> bool {
         matches!(self, Self::MasterAscii | Self::MasterRtu)
@@ -237,7 +237,7 @@ impl Cp240 {
     /// Parameters from the bytes of a module: sixteen zeros stand for "none".
     ///
     /// # Errors
-    /// As [`Cp240::decode`].
+    /// A code that the table does not have, as [`Cp240::decode`] names it.
     pub fn of_bytes(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         if *bytes == [0; 16] { Ok(Self::unconfigured()) } else { Self::decode(bytes) }
     }

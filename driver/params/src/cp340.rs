@@ -15,7 +15,7 @@ const ZVZ_MS: i64 = 4;
 /// The character frame. [CP 340 manual 04/2011, p. 64]
 const FRAME: &[Key341] = &[baud(&["2400", "4800", "9600", "19200"]), CHARACTER[0], CHARACTER[1], CHARACTER[2]];
 
-/// The manual prints 20 ms as default of ZVZ, but its text says 220 ms; here it is 220. [reference 5.2]
+/// The manual prints 20 ms as default of ZVZ, but its text says 220 ms; here it is 220. [CP 340 manual 04/2011, p. 64]
 const S3964: &[Key341] = &[zvz_of_3964(10), qvz(10), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
 
 /// [CP 340 manual 04/2011, p. 67]

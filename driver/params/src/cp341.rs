@@ -1,4 +1,4 @@
-//! The parameters of a CP 341 and of a CP 340: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
+//! The parameters of a CP 341 and of a CP 340: named keys, checked against a table. (docs/cp341.md)
 //!
 //! In a rack they are in a system data block whose layout Siemens does not publish; here they are keys, both in the
 //! station file and in the configuration of the driver.
@@ -18,7 +18,7 @@ use crate::kind::CpKind;
 use crate::printer::Printer;
 use crate::{cp340, printer};
 
-/// The character frame, first in every protocol. [reference 5.2]
+/// The character frame, first in every protocol. [CP 341 manual 09/2008, p. 38]
 const FRAME: &[Key341] = &[
     baud(&["300", "600", "1200", "2400", "4800", "9600", "19200", "38400", "57600", "76800", "115200"]),
     CHARACTER[0],
@@ -26,10 +26,10 @@ const FRAME: &[Key341] = &[
     CHARACTER[2],
 ];
 
-/// [reference 5.2]
+/// Keys of 3964 and 3964R: ZVZ, QVZ, attempts, priority.
 const S3964: &[Key341] = &[zvz_of_3964(20), qvz(20), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
 
-/// [reference 4.7]
+/// Key that RK 512 adds to those of 3964(R).
 const RK512: &[Key341] =
     &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
 
@@ -59,7 +59,7 @@ pub fn protocols_of(kind: CpKind) -> Protocols {
 pub struct Cp341 {
     /// Which of the two it is.
     pub kind: CpKind,
-    /// The line settings.
+    /// The character frame, and the flow control of the driver.
     pub line: LineSettings,
     /// The protocol and its parameters.
     pub protocol: Protocol341,
@@ -70,13 +70,13 @@ pub struct Cp341 {
 /// Protocol and its own parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Protocol341 {
-    /// Bare characters.
+    /// Bare characters: the ASCII driver.
     Ascii(AsciiOf341),
     /// 3964 and 3964R, with or without RK 512 on top.
     S3964(S3964Of341),
     /// Loadable driver: Modbus ASCII master, 32-bit registers.
     ModbusMaster32(ModbusMaster32),
-    /// Printer driver.
+    /// Printer driver: output only.
     Printer(Box<Printer>),
 }
 
@@ -87,15 +87,15 @@ pub struct S3964Of341 {
     pub bcc: bool,
     /// With RK 512 on top.
     pub rk512: bool,
-    /// ZVZ.
+    /// ZVZ, longest pause between two characters of a telegram.
     pub zvz_ms: u32,
-    /// QVZ.
+    /// QVZ, longest wait for the partner's acknowledgement.
     pub qvz_ms: u32,
     /// Attempts to get a connection, the first included.
     pub connect_attempts: u16,
     /// Attempts to get a telegram through, the first included.
     pub block_attempts: u16,
-    /// Who goes first.
+    /// Who goes first when both begin at the same time.
     pub priority: Priority,
     /// RK 512: the wait for the response depends on the baud rate, instead of 20 s.
     pub reaction_by_baud: bool,
@@ -115,7 +115,7 @@ impl Cp341 {
     /// The same for a type of this family.
     ///
     /// # Errors
-    /// As [`Cp341::from_keys`].
+    /// A key or a value that this type does not have, as [`Cp341::from_keys`] names it.
     pub fn of_kind<'a>(kind: CpKind, given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let given: Vec<(&str, Value)> = given.into_iter().collect();
         let (protocol, tables) = protocol_of(&given, protocols_of(kind), |row| row.0, None)?;
@@ -212,7 +212,7 @@ fn default_of(row: &Key341, kind: CpKind, protocol: &str, before: &Reader<'_>) -
     match (row.key, row.default) {
         (_, "") if matches!(row.kind, Kind341::Text { .. }) => Value::from(""),
         ("zvz_ms", "") if kind == CpKind::Cp340 => Value::Int(cp340::default_zvz_ms(line_of(before).char_time())),
-        // 2 s with block check character, 550 ms without. [reference 5.2]
+        // 2 s with block check character, 550 ms without. [CP 341 manual 09/2008, p. 38]
         ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
         (key, "") => cp341_modbus::default_of(key, before)
             .or_else(|| cp341_ascii::default_of(key, before))

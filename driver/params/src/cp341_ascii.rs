@@ -1,10 +1,10 @@
-//! The parameters of the CP 341's ASCII driver. [reference 6]
+//! The parameters of the CP 341's ASCII driver. [TIA help "Configuration for point-to-point links"]
 
 use crate::error::ParamError;
 use crate::keyed::{CLEAR, Key341, Reader, choice, error, number};
 use crate::record::Value;
 
-/// Its name.
+/// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "ascii";
 
 /// End criterion, as in the key.
@@ -12,17 +12,17 @@ const END: &str = "end_criterion";
 const CHARACTERS: &str = "end-characters";
 const LENGTH: &str = "length";
 
-/// Default ZVZ, milliseconds, up to this baud rate; 2 ms above. [reference 6.2]
+/// Default ZVZ, milliseconds, up to this baud rate; 2 ms above. [TIA help "Configuration for point-to-point links"]
 const ZVZ_BY_BAUD: [(i64, i64); 6] = [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4)];
 
-/// XON and XOFF.
+/// XON and XOFF, which cannot be end characters with that flow control.
 const FLOW_CHARACTERS: [i64; 2] = [0x11, 0x13];
 
-/// What ends a telegram. [reference 6.1]
+/// What ends a telegram. [TIA help "Configuration for point-to-point links"]
 pub(crate) const CRITERION: &[Key341] =
     &[choice(END, &["zvz", CHARACTERS, LENGTH], "zvz", "what ends a telegram that comes in")];
 
-/// Keys with limits that differ from a CP 340's. [reference 6.2]
+/// Keys with limits that differ from a CP 340's. [TIA help "Configuration for point-to-point links"]
 pub(crate) const LIMITS: &[Key341] = &[
     number("zvz_ms", (2, 65_535, 1), "", "ZVZ: longest pause between two characters of a telegram; 4 at 9600 baud"),
     length(4096),
@@ -33,7 +33,8 @@ pub(crate) const fn length(max: i64) -> Key341 {
     number("length", (1, max, 1), "240", "bytes of a telegram that comes in").only_with(END, LENGTH)
 }
 
-/// [reference 6.2], [reference 6.3], [reference 6.5]
+/// Keys of the driver's sending, receive buffer and secondary signals.
+/// [TIA help "Configuration for point-to-point links"]
 pub(crate) const DRIVER: &[Key341] = &[
     number("end_flags", (1, 2, 1), "1", "number of end characters").only_with(END, CHARACTERS),
     number("end_flag_1", (0, 255, 1), "3", "first end character").only_with(END, CHARACTERS),
@@ -60,7 +61,7 @@ pub(crate) const DRIVER: &[Key341] = &[
         .only_with("rs232_signals", "yes"),
 ];
 
-/// [reference 6.4]
+/// Keys of the flow control: by whom, and how long a job waits.
 pub(crate) const FLOW: &[Key341] = &[
     choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
     number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
@@ -69,7 +70,7 @@ pub(crate) const FLOW: &[Key341] = &[
 /// Parameters of ASCII. Times in milliseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AsciiOf341 {
-    /// ZVZ.
+    /// ZVZ, the pause that ends a telegram.
     pub zvz_ms: u32,
     /// What ends a telegram.
     pub end: EndOf341,
@@ -87,16 +88,16 @@ pub struct AsciiOf341 {
     pub clear_buffer: bool,
 }
 
-/// What ends a telegram of ASCII. [reference 6.1]
+/// What ends a telegram of ASCII. [TIA help "Configuration for point-to-point links"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndOf341 {
-    /// ZVZ.
+    /// A pause of ZVZ.
     Silence,
-    /// End characters.
+    /// One or two end characters.
     Characters {
         /// The characters; only the first `count` of them are used.
         characters: [u8; 2],
-        /// 1 or 2.
+        /// How many of them count, 1 or 2.
         count: u8,
         /// How they affect a telegram that is sent.
         sending: SendingOf341,
@@ -105,12 +106,13 @@ pub enum EndOf341 {
     Length(u16),
 }
 
-/// Which of the LEN bytes are sent when telegrams end with end characters. [reference 6.3]
+/// Which of the LEN bytes are sent when telegrams end with end characters.
+/// [TIA help "Configuration for point-to-point links"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SendingOf341 {
     /// Up to and including the end characters.
     Through,
-    /// All.
+    /// All LEN bytes, whatever they are.
     Whole,
     /// All, followed by the end characters.
     Appended,
@@ -135,7 +137,8 @@ impl AsciiOf341 {
         Self {
             zvz_ms: ms("zvz_ms"),
             end,
-            // "A pause of at least ZVZ is kept ...; it can be disabled with fixed length." [reference 6.3]
+            // "A pause of at least ZVZ is kept ...; it can be disabled with fixed length."
+            // [TIA help "Configuration for point-to-point links"]
             send_pause: match end {
                 EndOf341::Silence => true,
                 EndOf341::Characters { .. } => false,
@@ -180,7 +183,7 @@ pub(crate) fn check(keys: &Reader<'_>, least: i64) -> Result<(), ParamError> {
             return Err(error(key, character.to_string(), "no XON or XOFF with flow \"xon-xoff\"".into(), remedy));
         }
     }
-    // "no only with 1 buffered telegram" [reference 6.2]
+    // "no only with 1 buffered telegram" [TIA help "Configuration for point-to-point links"]
     if keys.word("prevent_overwriting") == "no" && keys.number("receive_buffers") != 1 {
         let remedy = "write `receive_buffers = 1`, or leave this key out".into();
         return Err(error("prevent_overwriting", "no".into(), "yes, with several receive buffers".into(), remedy));

@@ -8,7 +8,7 @@ use crate::error::ParamError;
 use crate::keyed::{Key341, Reader, choice, error, number};
 use crate::record::Value;
 
-/// Its name.
+/// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "modbus-ascii-master-32";
 
 /// [S4 "Overview of Transmission Parameters"]
@@ -58,17 +58,17 @@ pub(crate) const DRIVER: &[Key341] = &[
 /// The driver's own parameters; the character frame is in the line settings. Times in milliseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModbusMaster32 {
-    /// Character delay time.
+    /// Character delay time: longest pause within a reply.
     pub character_delay_ms: u32,
-    /// Response time-out.
+    /// Response time-out: longest wait for the reply's first character.
     pub response_timeout_ms: u32,
-    /// Turnaround delay.
+    /// Turnaround delay: pause after a broadcast.
     pub turnaround_ms: u32,
     /// Faults and BREAK outside of a reply are ignored.
     pub suppresses_interference: bool,
-    /// 32-bit mode.
+    /// 32-bit mode: registers have four bytes.
     pub long_registers: bool,
-    /// Two-wire operation.
+    /// Two-wire operation: one side at a time sends.
     pub half_duplex: bool,
     /// Line status BREAK can be recognised.
     pub breaks: bool,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// An invalid parameter.
+/// An invalid parameter: which, why, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParamError {
     /// Parameter byte (0..15), if the mistake has one.
@@ -11,7 +11,7 @@ pub struct ParamError {
     pub key: String,
     /// What was found; empty: the key does not exist with this protocol, or `protocol` is missing.
     pub value: String,
-    /// What is allowed.
+    /// What is allowed instead, in words.
     pub allowed: String,
     /// What to do about it.
     pub remedy: String,

@@ -11,16 +11,16 @@ pub enum Kind341 {
     Choice(&'static [&'static str]),
     /// A number, `min..=max` in steps of `step` from 0.
     Number {
-        /// Smallest.
+        /// The smallest number allowed.
         min: i64,
-        /// Largest.
+        /// The largest number allowed.
         max: i64,
-        /// Step.
+        /// Distance of the allowed numbers, counted from 0.
         step: i64,
     },
     /// Text of at most `max` bytes.
     Text {
-        /// Bytes.
+        /// Most bytes of the text.
         max: usize,
     },
 }
@@ -203,7 +203,7 @@ pub(crate) fn error(key: &str, value: String, allowed: String, remedy: String) -
     ParamError { byte: None, key: key.into(), value, allowed, remedy }
 }
 
-/// The line settings.
+/// The character frame and flow control that the keys ask for.
 pub(crate) fn line_of(keys: &Reader<'_>) -> LineSettings {
     LineSettings {
         baud: keys.number("baud") as u32,

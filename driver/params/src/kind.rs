@@ -1,15 +1,15 @@
 //! The table of module types: one row for each communication processor, with their differences.
 
-/// A communication processor.
+/// A communication processor: the type of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CpKind {
-    /// VIPA CP 240.
+    /// VIPA CP 240, System 200V.
     Cp240,
-    /// VIPA CP 040.
+    /// VIPA CP 040, System SLIO.
     Cp040,
-    /// Siemens CP 341.
+    /// Siemens CP 341: serial, with RK 512.
     Cp341,
-    /// Siemens CP 340.
+    /// Siemens CP 340: serial.
     Cp340,
     /// Siemens CP 343: Ethernet.
     Cp343,
@@ -18,7 +18,7 @@ pub enum CpKind {
 /// The properties of a type.
 #[derive(Clone, Copy, Debug)]
 pub struct CpRow {
-    /// The type.
+    /// The type that the row is about.
     pub kind: CpKind,
     /// Its name in the station file: `type = "cp240"`.
     pub name: &'static str,
@@ -36,7 +36,7 @@ pub struct CpRow {
     /// It uses the diagnostic record itself, so there is no place for the text of a line error.
     pub has_record: bool,
     /// It needs the current outputs before its first parameters. A CP 341 needs them afterwards: its driver decides who
-    /// controls RTS and DTR. [reference 2.2]
+    /// controls RTS and DTR. [TIA help "PtP data link CP 341"]
     pub outputs_first: bool,
 }
 
@@ -105,7 +105,7 @@ impl CpKind {
         },
     ];
 
-    /// Its row.
+    /// The properties of this type.
     #[must_use]
     pub fn row(self) -> &'static CpRow {
         const TABLE: &[CpRow] = &CpKind::TABLE;

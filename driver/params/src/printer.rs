@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use crate::error::ParamError;
 use crate::keyed::{Key341, Reader, choice, error, number, text};
 
-/// Its name.
+/// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "printer";
 
-/// Longest message text, and longest format string, in bytes. [reference 3.7, 0507h], [reference 1.8]
+/// Longest message text, and longest format string, in bytes. [TIA help "PtP data link CP 341"]
 pub const TEXT_MAX: usize = 150;
 
 /// Highest number of a message text. [CP 341 manual 09/2008, p. 101]
@@ -60,18 +60,18 @@ const RESERVED: [u8; 2] = *b"Fx";
 /// What ends a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineEnd {
-    /// 0Dh 0Ah.
+    /// CR LF (0Dh 0Ah).
     CrLf,
-    /// 0Dh.
+    /// CR (0Dh) without LF.
     Cr,
-    /// 0Ah.
+    /// LF (0Ah) without CR.
     Lf,
-    /// 0Ah 0Dh.
+    /// LF CR (0Ah 0Dh).
     LfCr,
 }
 
 impl LineEnd {
-    /// Its characters.
+    /// The characters that end a line on the paper.
     #[must_use]
     pub const fn bytes(self) -> &'static [u8] {
         match self {
@@ -95,11 +95,11 @@ impl LineEnd {
 /// The character set of the printer. Texts of the program and of the station file are ANSI (ISO 8859-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CharacterSet {
-    /// As they are.
+    /// ANSI: texts go out unchanged.
     Ansi,
-    /// Code page 437.
+    /// IBM code page 437.
     Ibm437,
-    /// Code page 850.
+    /// IBM code page 850.
     Ibm850,
 }
 

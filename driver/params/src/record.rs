@@ -7,9 +7,9 @@ use std::fmt;
 /// A parameter as in the station file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// `baud = 9600`
+    /// A number: `baud = 9600`
     Int(i64),
-    /// `parity = "even"`
+    /// A word or text: `parity = "even"`
     Str(String),
 }
 

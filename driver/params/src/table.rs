@@ -3,18 +3,18 @@
 //! [S0 "Structure of the parameter bytes of ASCII"], [S0 "Structure of parameter bytes for STX/ETX"],
 //! [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"], [S0 "Modbus - Parameterization"].
 
-/// The parameter layouts.
+/// The parameter layouts: what the 16 bytes mean with a protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// ASCII and ASCII-fragmented.
+    /// ASCII and ASCII-fragmented (01h, 11h).
     Ascii,
-    /// STX/ETX.
+    /// STX/ETX, protocol code 02h.
     StxEtx,
     /// 3964, 3964R, each with and without RK 512.
     S3964,
-    /// The Modbus masters.
+    /// The Modbus masters, ASCII and RTU.
     ModbusMaster,
-    /// The Modbus slaves.
+    /// The Modbus slaves, ASCII and RTU, short and long.
     ModbusSlave,
     /// M-Bus: only the protocol code.
     MBus,
@@ -27,11 +27,11 @@ pub enum Layout {
 pub enum Kind {
     /// One of these names; the first row that matches is used in both directions, so the code to write comes first.
     Choice(&'static [(&'static str, u8)]),
-    /// A number, `min..=max`.
+    /// A number, `min..=max`, in steps of 1.
     Number {
-        /// Smallest.
+        /// The smallest number allowed.
         min: u16,
-        /// Largest.
+        /// The largest number allowed.
         max: u16,
     },
     /// A time in milliseconds, kept in ticks of 20 ms, `min..=255`.
@@ -46,7 +46,7 @@ pub enum Kind {
 pub struct Field {
     /// Key in the station file.
     pub key: &'static str,
-    /// Parameter byte.
+    /// Parameter byte that holds it, 0 to 15.
     pub byte: usize,
     /// Lowest bit in the byte.
     pub shift: u8,
@@ -54,7 +54,7 @@ pub struct Field {
     pub bits: u8,
     /// How it is written.
     pub kind: Kind,
-    /// Default code.
+    /// Code that stands for the manual's default.
     pub default: u16,
     /// What it means, for people.
     pub text: &'static str,
@@ -210,7 +210,7 @@ const S3964: &[Field] = &[
         100,
         "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512); 0: not watched",
     ),
-    // The table prints 5, the description 3. [reference 10, row 7]
+    // The table prints 5, the description 3.
     whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block, the first included"),
     whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "which side gives way when both want to send"),
@@ -258,7 +258,7 @@ impl Layout {
         matches!(self, Self::MBus | Self::EnOcean)
     }
 
-    /// All layouts.
+    /// All layouts, each once.
     pub const ALL: [Self; 7] =
         [Self::Ascii, Self::StxEtx, Self::S3964, Self::ModbusMaster, Self::ModbusSlave, Self::MBus, Self::EnOcean];
 }

@@ -6,12 +6,12 @@
 
 use crate::kind::CpKind;
 
-/// What 0 means.
+/// What the value 0 of a parameter means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Zero {
     /// As many character times.
     Characters(u64),
-    /// No pause.
+    /// No pause is kept.
     NoPause,
     /// The time is not watched.
     Unwatched,

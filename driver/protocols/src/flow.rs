@@ -2,9 +2,9 @@
 
 use crate::machine::{Instant, Sink, Span};
 
-/// Resumes. [S0 L2010]
+/// XON: the partner may send again. [S0 L2010]
 pub const XON: u8 = 0x11;
-/// Stops. [S0 L2010]
+/// XOFF: the partner must stop. [S0 L2010]
 pub const XOFF: u8 = 0x13;
 
 pub use ob1_serial::Flow;
@@ -13,7 +13,8 @@ pub use ob1_serial::Flow;
 const ROOM_POLL: Span = Span::from_millis(20);
 
 /// The partner is stopped when the receive buffer has less room than this: it may still send that much before it obeys,
-/// and hardly a telegram would fit anyway. The manual names no figure; 50 characters as at the CP 341. [reference 6.4]
+/// and hardly a telegram would fit anyway. The manual names no figure; 50 characters as at the CP 341.
+/// [TIA help "Configuration for point-to-point links"]
 const MARGIN: usize = 50;
 
 /// Stops the partner while the receive buffer is full.

@@ -4,10 +4,10 @@ pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span, Wire};
 
 use crate::modbus::failure::Failure;
 
-/// One millisecond.
+/// The span of one millisecond.
 pub const MS: Span = Span::MILLISECOND;
 
-/// One second.
+/// The span of one second.
 pub const SECOND: Span = Span::SECOND;
 
 /// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
@@ -138,7 +138,7 @@ pub enum SendError {
     NoEnd,
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,
-    /// Dropped by [`Order::Abort`].
+    /// Dropped by the owner with [`Order::Abort`].
     Aborted,
     /// Another order is running; this one was not taken.
     Busy,
@@ -174,7 +174,7 @@ impl From<Failure> for SendError {
 pub struct Event {
     /// What the machine was doing.
     pub phase: Phase,
-    /// What happened.
+    /// What happened while it did.
     pub what: What,
 }
 
@@ -219,7 +219,7 @@ pub enum What {
     BadCheck {
         /// Computed from what came in.
         computed: u8,
-        /// Received.
+        /// The block check character that came in.
         received: u8,
     },
     /// No receive buffer is free, or the telegram is longer than what is free of it.
@@ -236,7 +236,7 @@ pub enum What {
     NoRepetition,
     /// The partner repeats a telegram more often than permitted (CP 341).
     OneMoreRepetition,
-    /// A line fault.
+    /// A fault of the line itself.
     Line(LineFault),
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,
@@ -246,7 +246,7 @@ pub enum What {
 
 impl Event {
     /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` if they have no
-    /// number for it. [reference 3.9, 3.10]
+    /// number for it. (docs/cp341-events.md)
     pub fn number(self) -> Option<u16> {
         use Phase::{Acknowledge, Connect, Output};
         const DLE: u8 = 0x10;

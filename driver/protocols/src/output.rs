@@ -17,7 +17,7 @@ pub struct Flags {
 }
 
 impl Flags {
-    /// No characters.
+    /// No start or end characters.
     pub const NONE: Self = Self { characters: [0; 2], count: 0 };
 
     /// The first `count` (0..2) of the characters; the others are ignored. [S0 L2018]
@@ -37,7 +37,7 @@ impl Flags {
     }
 }
 
-/// Which of an order's bytes are sent. [reference 6.3]
+/// Which of an order's bytes are sent. [TIA help "Configuration for point-to-point links"]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Extent {
     /// All of them, between separate start and end characters.
@@ -149,7 +149,7 @@ impl<const N: usize> Output<N> {
         }
     }
 
-    /// Copies the bytes to send. [reference 6.3]
+    /// Copies the bytes to send. [TIA help "Configuration for point-to-point links"]
     fn take(&mut self, telegram: &[u8]) -> Result<(), SendError> {
         let telegram = match self.rules.extent {
             Extent::Whole => telegram,

@@ -1,5 +1,5 @@
 //! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR are monitored. [S4 "4.3 RS 232C
-//! Secondary Signals"], [reference 6.5]
+//! Secondary Signals"], [TIA help "Configuration for point-to-point links"]
 //!
 //! ```text
 //! parameters    RTS OFF, DTR ON
@@ -25,7 +25,7 @@ pub struct Times {
 /// Whether a request may be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Clear {
-    /// Now.
+    /// The request may be sent now.
     Go,
     /// The data output waiting time runs.
     Wait,
@@ -38,7 +38,7 @@ pub(crate) enum Clear {
 pub(crate) struct Change {
     /// DSR has gone from ON to OFF.
     pub(crate) dsr_fell: bool,
-    /// CTS is OFF.
+    /// CTS is OFF now.
     pub(crate) cts_off: bool,
 }
 

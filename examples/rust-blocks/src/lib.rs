@@ -14,15 +14,15 @@ use controller::Controller;
 interface! {
     /// The instance, 28 bytes; README.md has the table.
     mod two_point {
-        /// Process value.
+        /// Process value that is controlled.
         in     PV: Real;
-        /// Set point.
+        /// Set point, in units of the process value.
         in     SP: Real;
         /// Hysteresis, in units of the process value; below 0 it counts as 0.
         in     HYS: Real = 1.0;
-        /// Shortest time off.
+        /// Shortest time off, in milliseconds.
         in     PAUSE: Time = 5_000;
-        /// The output.
+        /// The output: 1 switches on.
         out    Y: Bool;
         /// Times it has switched on. Retentive if the data block is.
         static SWITCHES: DInt;

@@ -17,7 +17,7 @@ use ob1_sdk::{Abort, Area, Block, Cx, Kind, OrStop, Param, TimerKind};
 
 /// The horn's time, S5T#3S.
 const HORN: u16 = 0x0300;
-/// Its timer.
+/// Number of the timer that ends the horn.
 const HORN_TIMER: u16 = 1;
 /// The word that counts.
 const PIECES: u32 = 2;

@@ -18,22 +18,22 @@ use crate::value::{narrowed, real_of};
 /// Milliseconds from 1970-01-01 to 1990-01-01, where DATE and DATE_AND_TIME begin.
 const MS_TO_1990: i64 = DAYS_TO_1990 as i64 * DAY_MS as i64;
 
-/// A value.
+/// A value of an S7 type, as programs exchange it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Datum {
-    /// BOOL.
+    /// BOOL: a single bit.
     Bool(bool),
-    /// BYTE, CHAR.
+    /// BYTE, CHAR: eight bits.
     Byte(u8),
-    /// WORD, a counter.
+    /// WORD: 16 bits; a counter, 0 to 999.
     Word(u16),
-    /// DWORD.
+    /// DWORD: 32 bits without sign.
     DWord(u32),
-    /// INT.
+    /// INT: 16 bits with sign.
     Int(i16),
-    /// DINT.
+    /// DINT: 32 bits with sign.
     DInt(i32),
-    /// REAL.
+    /// REAL: IEEE 754 of 32 bits.
     Real(f32),
     /// TIME, S5TIME, a timer, TIME_OF_DAY (since midnight): milliseconds.
     Duration(i64),
@@ -41,7 +41,7 @@ pub enum Datum {
     Moment(i64),
     /// STRING, each byte a character of ISO 8859-1.
     Text(String),
-    /// POINTER, ANY.
+    /// POINTER, ANY: their bytes as they lie in memory.
     Bytes(Vec<u8>),
     /// ARRAY of these, the last dimension fastest.
     List(Vec<Datum>),
@@ -71,7 +71,7 @@ impl Datum {
     /// From JSON as [`Datum::json`] writes it, for a place of this type. Bits may be 0 and 1.
     ///
     /// # Errors
-    /// [`Unfit`].
+    /// [`Unfit`]: the value has another type, does not fit into this one, or the type cannot be written.
     pub fn of_json(value: &Value, ty: &DataType) -> Result<Self, Unfit> {
         let number = || value.as_i64().ok_or(Unfit::Type);
         let fit = |_: std::num::TryFromIntError| Unfit::Range;
@@ -194,7 +194,8 @@ impl Typed {
     /// The writes for this value.
     ///
     /// # Errors
-    /// [`Unfit`].
+    /// [`Unfit`]: the value has another type, does not fit into this one, cannot be written, or is too long for one
+    /// group.
     pub fn puts(&self, value: &Datum) -> Result<Vec<Put>, Unfit> {
         if matches!(self.cell, Cell::Timer(_) | Cell::Counter(_) | Cell::Peripheral(_)) {
             let bytes = write(&self.ty, value)?;

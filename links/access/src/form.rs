@@ -9,9 +9,9 @@ pub enum Form {
     /// According to its type.
     #[default]
     Plain,
-    /// `16#1A2B`.
+    /// Hexadecimal, as wide as the value: `16#1A2B`.
     Hex,
-    /// `2#0001_1010`.
+    /// Binary, in groups of four bits: `2#0001_1010`.
     Bin,
     /// The indicator word of a handling block, in words.
     Anzw,
@@ -68,7 +68,7 @@ fn anzw(word: u16) -> String {
     format!("16#{word:04X} {words}")
 }
 
-/// Event class and number of a CP 341. [reference 3.1]
+/// Event class and number of a CP 341. (docs/cp341-events.md)
 fn status(word: u16) -> String {
     let text = match (word, cp341_events::row(word)) {
         (0, _) => "no error",

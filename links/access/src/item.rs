@@ -8,11 +8,11 @@ use crate::near::nearest;
 /// How a cell's bits are read as a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// 0 or 1.
+    /// A bit: 0 or 1.
     Bool,
     /// Bits without a sign.
     Unsigned,
-    /// Two's complement.
+    /// A whole number with sign, in two's complement.
     Signed,
     /// IEEE 754, 32 bits.
     Real,
@@ -23,13 +23,13 @@ pub enum Reading {
 pub struct Item {
     /// The name as it was given.
     pub name: String,
-    /// The place.
+    /// Where it lies in the CPU.
     pub cell: Cell,
-    /// Its width.
+    /// How many bits are read or written.
     pub width: Width,
     /// How its bits are read.
     pub reading: Reading,
-    /// The S7 type.
+    /// Its S7 type, elementary.
     pub ty: DataType,
 }
 
@@ -38,7 +38,7 @@ pub struct Item {
 pub struct Typed {
     /// The name as it was given.
     pub name: String,
-    /// The place.
+    /// Where it begins in the CPU.
     pub cell: Cell,
     /// The type of the place.
     pub ty: DataType,
@@ -63,13 +63,13 @@ pub struct Names {
 /// A data block as the program declares it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedBlock {
-    /// The number.
+    /// Number of the data block.
     pub number: u16,
     /// The name of its header or symbol.
     pub name: Option<String>,
     /// Its declarations, composed types as a whole.
     pub components: Vec<Component>,
-    /// Its length.
+    /// Its length in bytes.
     pub bytes: u32,
     /// `READ_ONLY`: the program cannot write it.
     pub read_only: bool,
@@ -95,13 +95,13 @@ impl Names {
         Self { blocks, symbols }
     }
 
-    /// The data blocks.
+    /// The data blocks, in the order of the program.
     #[must_use]
     pub fn blocks(&self) -> &[NamedBlock] {
         &self.blocks
     }
 
-    /// The symbols.
+    /// The symbols, in the order of their tables.
     #[must_use]
     pub fn symbols(&self) -> &[Symbol] {
         &self.symbols
@@ -254,7 +254,7 @@ fn checked_bits(byte: u32) -> Result<u32, String> {
     if byte > ob1_model::BitAddr::MAX_BYTE { Err(format!("there is no byte {byte}")) } else { Ok(byte * 8) }
 }
 
-/// `1.0`.
+/// Byte and bit as a bit address: `1.0` is 8.
 fn bit_address(text: &str) -> Result<u32, String> {
     let (byte, bit) = text.split_once('.').ok_or_else(|| format!("\"{text}\" needs a bit, like 1.0"))?;
     let bit: u32 = number(bit)?;

@@ -8,10 +8,10 @@ use ob1_model::{Area, Cell};
 /// What a client may do; each right includes the previous ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Right {
-    /// Read.
+    /// Read cells and documents.
     #[default]
     Read,
-    /// Write cells.
+    /// Write cells, besides reading.
     Write,
     /// Change the operating state, set the clock.
     Operate,
@@ -73,9 +73,9 @@ impl Place {
 /// Which cells a link's clients may touch at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Allowed {
-    /// `None`: all.
+    /// Areas that may be touched; `None`: all.
     areas: Option<BTreeSet<Place>>,
-    /// `None`: all.
+    /// Data blocks that may be touched; `None`: all.
     blocks: Option<Vec<RangeInclusive<u16>>>,
     /// `None`: unless cells are limited.
     program: Option<bool>,

@@ -49,7 +49,7 @@ impl Typed {
     /// The value given as JSON.
     ///
     /// # Errors
-    /// As of [`Typed::puts_of`].
+    /// What is wrong with it, in one sentence, with the form to write.
     pub fn datum_of(&self, value: &Value) -> Result<Datum, String> {
         let unfit = |why: String| {
             let form = form(&self.ty).map_or_else(String::new, |form| format!("; write {form}"));

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::Names;
 use crate::block_name::parse_block;
 
-/// What is asked.
+/// A question: why a bit has its value, or a block is not called.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct WhyWanted {
     /// A bit by its name (`A 4.0`, `Q 4.0`, a symbol, `DB20.on`), or a block (`FB 20`).
@@ -37,9 +37,9 @@ pub struct WhyWanted {
 pub struct Inside {
     /// The name there: `FB 20 #run`.
     pub ask: String,
-    /// The instance.
+    /// Number of the data block: instance of an FB; `None`: any.
     pub db: Option<u16>,
-    /// The caller.
+    /// A block that has called it; `None`: any.
     pub from: Option<String>,
 }
 
@@ -58,7 +58,7 @@ pub struct WhyStatus {
     pub now: bool,
     /// The blocks with statements that write it, or call it.
     pub blocks: Vec<String>,
-    /// Those statements.
+    /// Those statements, each with its place.
     pub writers: Vec<String>,
     /// The block that was watched; empty: nothing writes it.
     pub block: String,
@@ -81,7 +81,7 @@ pub struct WhyStatus {
     pub inside: Option<Inside>,
 }
 
-/// A statement.
+/// A statement with its place.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct StatementStatus {
     /// `FB 20, network 2, press.awl:14`.
@@ -90,7 +90,7 @@ pub struct StatementStatus {
     pub text: String,
 }
 
-/// A scan.
+/// A scan that took part in the result.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct TermStatus {
     /// Where, and its text.
@@ -188,7 +188,7 @@ enum Subject {
 /// The question, and the pass that it needs; none: nothing writes the bit.
 ///
 /// # Errors
-/// Why it cannot be answered.
+/// The operand is unknown, or cannot be followed; in words for who has asked.
 pub fn order<P: Deref<Target = Program>>(
     known: &Known<'_, P>,
     wanted: &WhyWanted,
@@ -360,7 +360,7 @@ pub fn status<P: Deref<Target = Program>>(
     Ok(told)
 }
 
-/// `E 1.0 "Guard"`.
+/// An operand with its symbol: `E 1.0 "Guard"`.
 fn named(operand: &str, symbol: Option<&str>, set: Mnemonics) -> String {
     let symbol = symbol.map_or_else(String::new, |symbol| format!(" \"{symbol}\""));
     format!("{}{symbol}", ob1_stl::in_set(operand, set))

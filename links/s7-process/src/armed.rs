@@ -9,7 +9,7 @@ use ob1_s7::server::{Access, Put, Reply};
 
 use crate::cells;
 
-/// Such a request.
+/// A request that waits in the CPU.
 #[derive(Debug)]
 pub(crate) struct Armed {
     pub(crate) id: u64,

@@ -48,7 +48,7 @@ pub struct Asks {
     armed: Vec<Armed>,
 }
 
-/// A running request.
+/// A request under way, by its kind.
 #[derive(Debug)]
 enum Doing {
     Read {
@@ -128,11 +128,11 @@ enum Step {
 pub struct Surroundings<'s> {
     /// The way to the CPU.
     pub door: &'s mut Door,
-    /// The last reading.
+    /// The last reading of the door, used again to save memory.
     pub reading: &'s mut Reading,
     /// The keys of the link.
     pub config: &'s Config,
-    /// The time.
+    /// The time of this step.
     pub now: Instant,
 }
 
@@ -144,7 +144,7 @@ struct Turn<'t, 's> {
 }
 
 impl Asks {
-    /// Adds a request.
+    /// Adds a request behind those that wait.
     pub fn push(&mut self, request: Request) {
         self.waiting.push_back(request);
     }

@@ -16,7 +16,7 @@ const CLIENTS: usize = 16;
 /// Absolute limit of concurrent connections.
 const MOST_CLIENTS: usize = 128;
 
-/// The keys.
+/// The keys as the runtime passes them.
 #[derive(Debug, Deserialize)]
 #[serde(default)]
 struct Keys {
@@ -38,9 +38,9 @@ pub struct ConnectionKeys {
     #[serde(rename = "type")]
     kind: String,
     active: bool,
-    /// Address and port.
+    /// Address and port of the partner, if the station file gives one.
     partner: Option<String>,
-    /// TSAPs.
+    /// Our TSAP, and below it the partner's.
     #[serde(default)]
     local: Vec<u8>,
     #[serde(default)]
@@ -50,7 +50,7 @@ pub struct ConnectionKeys {
 }
 
 impl ConnectionKeys {
-    /// The kind.
+    /// The kind; an unknown word counts as ISO on TCP.
     #[must_use]
     pub fn kind(&self) -> ConnectionKind {
         match self.kind.as_str() {

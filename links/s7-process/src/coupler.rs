@@ -22,7 +22,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, conne
 use crate::sockets::{PAUSE, is_broken, keep_alive};
 use crate::tap::Shared;
 
-/// A connection's socket.
+/// What a connection has of the network.
 #[derive(Debug)]
 enum Socket {
     None,

@@ -47,7 +47,7 @@ pub trait Network {
     fn send(&mut self, index: usize, bytes: &[u8]) -> Option<usize>;
     /// Sends a datagram. One that cannot be sent is lost, just as it may be lost on the network.
     fn datagram(&mut self, index: usize, bytes: &[u8]);
-    /// Receives data.
+    /// Receives data that have come; never waits.
     fn receive(&mut self, index: usize, into: &mut [u8]) -> Received;
 }
 
@@ -86,7 +86,7 @@ impl Telling {
     }
 }
 
-/// The CP.
+/// The Ethernet CP of a station; see [the module](self).
 pub struct Cp {
     segment: CpSide,
     machine: Coupling,

@@ -136,12 +136,11 @@ impl Session {
         (self.connection.pdu().unwrap_or(0), counts.jobs, counts.errors)
     }
 
-    /// For the tap.
     fn tapped(&self) -> Tapped {
         Tapped::of(self.number, self.peer, false)
     }
 
-    /// Receives data.
+    /// Receives data, as much as the machine has room for.
     pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], tap: &Shared, now: Instant) {
         let room = self.connection.room().min(READ);
         if room == 0 {

@@ -41,7 +41,7 @@ impl Occupant {
 /// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// There is room.
+    /// There is room for it.
     Free,
     /// There is room when this one is closed.
     InsteadOf(u32),

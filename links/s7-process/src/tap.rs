@@ -37,7 +37,7 @@ impl Tap {
         self.tap.listen(socket);
     }
 
-    /// Accepts new listeners.
+    /// Accepts new listeners of `ob1 trace`.
     pub(crate) fn admit(&mut self) {
         self.tap.admit(self.now());
     }

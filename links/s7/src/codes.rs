@@ -8,11 +8,11 @@
 pub struct ItemCode(pub u8);
 
 impl ItemCode {
-    /// Done.
+    /// Read or written without error.
     pub const DONE: Self = Self(0xFF);
     /// The module at the address does not answer.
     pub const HARDWARE: Self = Self(0x01);
-    /// Not allowed.
+    /// Access is not allowed: protection, or the rights of the link.
     pub const NOT_ALLOWED: Self = Self(0x03);
     /// No such address in the area.
     pub const ADDRESS: Self = Self(0x05);
@@ -23,7 +23,7 @@ impl ItemCode {
     /// No such object: the data block is not there. In services of a programming device: no data.
     pub const NO_OBJECT: Self = Self(0x0A);
 
-    /// In words.
+    /// The code in words.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ macro_rules! codes {
 }
 
 codes! {
-    /// Done.
+    /// The job was done without error.
     DONE = 0x0000 "done";
     /// The service does not exist, or not on this connection.
     NO_SERVICE = 0x8104 "the service is not implemented, or not on this connection";
@@ -92,7 +92,7 @@ codes! {
     NO_LIST = 0xD401 "there is no status list of this ID";
     /// No such index in the status list.
     NO_INDEX = 0xD402 "the status list has no such index";
-    /// Too many subscribers.
+    /// There are subscribers enough already.
     NO_SUBSCRIBERS = 0xD404 "no more subscribers";
     /// An unknown service of the group.
     NO_INFORMATION = 0xD405 "the service is not supported, or its parameters are wrong";
@@ -100,7 +100,7 @@ codes! {
     NOT_NOW = 0xD406 "not there at the moment";
     /// Wrong parameters of a password service.
     PASSWORD_SYNTAX = 0xD601 "syntax error in the parameters";
-    /// A wrong password.
+    /// The password is not the right one.
     PASSWORD = 0xD602 "wrong password";
     /// No password was given before.
     NOT_UNLOCKED = 0xD604 "no password was given on this connection";
@@ -130,7 +130,7 @@ codes! {
     TEST_DISCONNECT = 0xD006 "wrong disconnect ID";
     /// Not this number of result buffers.
     TEST_BUFFERS = 0xD007 "wrong number of result buffers";
-    /// Not each trigger.
+    /// The job cannot be executed at each trigger as it is asked for.
     TEST_RATE = 0xD008 "wrong scan rate";
     /// Not this number of executions.
     TEST_TIMES = 0xD009 "wrong number of executions";
@@ -166,7 +166,7 @@ codes! {
     TEST_NOT_IN_RUN = 0xD081 "not in this operating state";
     /// The protection level does not allow the test function.
     TEST_PROTECTED = 0xD0A1 "the protection level does not allow it";
-    /// Another job forces.
+    /// A job that forces exists already, perhaps of another connection.
     TEST_FORCED = 0xD0A4 "a job that forces exists already";
     /// No such test job, or it is not enabled.
     TEST_JOB = 0xD0A5 "there is no such test job, or it is not enabled";

@@ -30,10 +30,10 @@ pub const MIN_PDU: u16 = 64;
 /// What a connection may do. Each includes the previous ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rights {
-    /// Read.
+    /// Read values, blocks and lists.
     #[default]
     Read,
-    /// Change values.
+    /// Change values of variables.
     Write,
     /// Change the operating state, the clock and the program.
     Operate,

@@ -3,7 +3,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
-/// Bytes of [`Tapped::bytes`].
+/// Length of [`Tapped::bytes`], in front of each record.
 pub const TAPPED_BYTES: usize = 11;
 
 /// The connection of some bytes.
@@ -13,7 +13,7 @@ pub struct Tapped {
     pub number: u32,
     /// The partner's address; for IPv6 only the port is given.
     pub partner: Ipv4Addr,
-    /// The partner's port.
+    /// Port of the partner.
     pub port: u16,
     /// We have made it: the partner is the server.
     pub is_ours: bool,

@@ -9,7 +9,7 @@ pub const ENTRY_SYMBOL: &str = "ob1_plugin";
 
 /// Result of a host function or of a block. Zero is success; a block that gets [`ABORT`] must return it at once.
 pub type Status = i32;
-/// Done.
+/// Success: the function or the block has done its work.
 pub const OK: Status = 0;
 /// The CPU is going to STOP (or a higher priority asked to end this call): return this value at once.
 pub const ABORT: Status = 1;
@@ -40,29 +40,29 @@ pub const NO_SETTING: Status = -12;
 /// Returned by a block's entry: it panicked; the message is in the plugin's panic buffer.
 pub const PANICKED: Status = -100;
 
-/// Block kinds, [`crate::BlockDesc::kind`].
+/// Block kinds, [`crate::BlockDesc::kind`]: organization block.
 pub const KIND_OB: u8 = 0;
-/// Function block.
+/// Function block: it has an instance data block.
 pub const KIND_FB: u8 = 1;
-/// Function.
+/// Function: a block without instance.
 pub const KIND_FC: u8 = 2;
 /// System function block. Of a plugin's own blocks since 1.1.
 pub const KIND_SFB: u8 = 3;
 /// System function. Of a plugin's own blocks since 1.1.
 pub const KIND_SFC: u8 = 4;
 
-/// Sections, [`crate::ParamDesc::section`]: `VAR_INPUT`.
+/// Sections, [`crate::ParamDesc::section`]: `VAR_INPUT`, read by the block.
 pub const SECTION_IN: u8 = 0;
-/// `VAR_OUTPUT`.
+/// `VAR_OUTPUT`, written by the block.
 pub const SECTION_OUT: u8 = 1;
-/// `VAR_IN_OUT`.
+/// `VAR_IN_OUT`, read and written by the block.
 pub const SECTION_IN_OUT: u8 = 2;
 /// Instance data of an FB or SFB that is not a parameter.
 pub const SECTION_STATIC: u8 = 3;
 /// The function value `RET_VAL` of an FC or SFC. Its index is its place among the parameters, as that of the others.
 pub const SECTION_RETURN: u8 = 4;
 
-/// Types, [`crate::ParamDesc::ty`].
+/// Data types, the values of [`crate::ParamDesc::ty`].
 #[expect(missing_docs, reason = "the data types of the STL reference")]
 pub mod ty {
     pub const BOOL: u8 = 1;
@@ -95,9 +95,9 @@ pub mod ty {
 
 /// Areas of [`crate::HostTable::area_read`]: inputs (process image).
 pub const AREA_E: u8 = 0;
-/// Outputs (process image).
+/// Outputs A (Q), in the process image.
 pub const AREA_A: u8 = 1;
-/// Bit memory.
+/// Bit memory M, by byte address.
 pub const AREA_M: u8 = 2;
 /// A data block, by number.
 pub const AREA_DB: u8 = 3;
@@ -108,20 +108,20 @@ pub const AREA_L: u8 = 5;
 
 /// Timer kinds of [`crate::HostTable::timer_run`]: `SI`, pulse.
 pub const TIMER_PULSE: u8 = 0;
-/// `SV`, extended pulse.
+/// `SV`, extended pulse: runs its whole time.
 pub const TIMER_EXTENDED_PULSE: u8 = 1;
-/// `SE`, on-delay.
+/// `SE`, on-delay: needs 1 while it runs.
 pub const TIMER_ON_DELAY: u8 = 2;
-/// `SS`, retentive on-delay.
+/// `SS`, retentive on-delay: runs on without its 1.
 pub const TIMER_RETENTIVE_ON_DELAY: u8 = 3;
-/// `SA`, off-delay.
+/// `SA`, off-delay: starts when the 1 goes.
 pub const TIMER_OFF_DELAY: u8 = 4;
 
-/// Log levels: error.
+/// Log levels, [`crate::HostTable::log`]: something does not work.
 pub const LOG_ERROR: u8 = 1;
-/// Warning.
+/// Warning: something is odd, and work goes on.
 pub const LOG_WARN: u8 = 2;
-/// Information.
+/// Information: something happened, as it should.
 pub const LOG_INFO: u8 = 3;
 
 /// Longest text of [`crate::HostTable::log`] and [`crate::HostTable::diag_entry`] in bytes; the rest is cut.

@@ -19,11 +19,11 @@ pub struct InstanceInfo {
     pub size: u32,
     /// The instance data block's number.
     pub db: u16,
-    /// Must be ignored.
+    /// Padding; a plugin must ignore it.
     pub reserved: u16,
     /// First byte of this instance in the data block (0 except for multi-instances).
     pub offset: u32,
-    /// Bytes.
+    /// Length of the instance in bytes.
     pub len: u32,
 }
 
@@ -35,9 +35,9 @@ pub struct ObInfo {
     pub size: u32,
     /// Number of the running OB.
     pub number: u16,
-    /// Its priority class.
+    /// Its priority class; OB 1 has 1.
     pub priority: u8,
-    /// Must be ignored.
+    /// Padding; a plugin must ignore it.
     pub reserved: u8,
     /// The 20 bytes of start information as they lie in the OB's local data.
     pub start: [u8; 20],
@@ -75,7 +75,7 @@ pub struct TimerInfo {
 pub struct ModuleInfo {
     /// `sizeof` this struct, set by the caller.
     pub size: u32,
-    /// Logical base address.
+    /// Logical base address, as LADDR gives it.
     pub address: u16,
     /// Bytes of its input registers.
     pub input_bytes: u16,
@@ -83,7 +83,7 @@ pub struct ModuleInfo {
     pub output_bytes: u16,
     /// 1 while its driver answers.
     pub present: u8,
-    /// Must be ignored.
+    /// Padding; a plugin must ignore it.
     pub reserved: u8,
     /// Counts the driver's starts; a changed number means that everything the driver held is gone.
     pub generation: u32,
@@ -101,7 +101,7 @@ pub struct CallArg {
     pub db: u16,
     /// Bit address (byte * 8 + bit) of an operand.
     pub bit_address: u32,
-    /// The value, right-aligned.
+    /// The value, right-aligned; of an operand it is ignored.
     pub value: u32,
 }
 
@@ -111,11 +111,11 @@ pub struct CallArg {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct HostTable {
-    /// `sizeof` this struct.
+    /// `sizeof` this struct in the host: a newer host has more functions at its end.
     pub size: u32,
-    /// The host's [`crate::ABI_MAJOR`].
+    /// [`crate::ABI_MAJOR`] the host was built with.
     pub abi_major: u16,
-    /// The host's [`crate::ABI_MINOR`].
+    /// [`crate::ABI_MINOR`] the host was built with.
     pub abi_minor: u16,
 
     // Parameters.
@@ -143,7 +143,7 @@ pub struct HostTable {
     /// Reads a bit (byte * 8 + bit).
     pub bit_get:
         unsafe extern "C" fn(call: *mut CallContext, area: u8, db: u16, bit_address: u32, value: *mut u8) -> Status,
-    /// Writes a bit.
+    /// Writes a bit (byte * 8 + bit), 0 or 1.
     pub bit_set: unsafe extern "C" fn(call: *mut CallContext, area: u8, db: u16, bit_address: u32, value: u8) -> Status,
     /// Length of an area in bytes. `NO_DB`, `DB_NUMBER` for data blocks that are not there.
     pub area_len: unsafe extern "C" fn(call: *mut CallContext, area: u8, db: u16, len: *mut u32) -> Status,
@@ -158,9 +158,9 @@ pub struct HostTable {
     /// Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge
     /// of `rlo` between two calls starts it. `s5time` is an S5TIME.
     pub timer_run: unsafe extern "C" fn(call: *mut CallContext, number: u16, kind: u8, rlo: u8, s5time: u16) -> Status,
-    /// Resets a timer.
+    /// Stops a timer and sets its time and output to 0, as `R T` does.
     pub timer_reset: unsafe extern "C" fn(call: *mut CallContext, number: u16) -> Status,
-    /// Reads a timer.
+    /// Reads a timer without changing it.
     pub timer_get: unsafe extern "C" fn(call: *mut CallContext, number: u16, info: *mut TimerInfo) -> Status,
     /// Reads a counter, 0 to 999.
     pub counter_get: unsafe extern "C" fn(call: *mut CallContext, number: u16, value: *mut u16) -> Status,
@@ -188,7 +188,7 @@ pub struct HostTable {
         len: u32,
         read: *mut u32,
     ) -> Status,
-    /// Writes a record.
+    /// Writes a whole record (data set) of the module at a logical base address.
     pub record_write:
         unsafe extern "C" fn(call: *mut CallContext, address: u32, record: u8, from: *const u8, len: u32) -> Status,
 

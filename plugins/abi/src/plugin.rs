@@ -10,7 +10,7 @@ use crate::{CallContext, HostTable, Status};
 pub struct Text {
     /// First byte; may be null when `len` is 0.
     pub ptr: *const u8,
-    /// Bytes.
+    /// Length of the text in bytes.
     pub len: u32,
 }
 
@@ -18,13 +18,13 @@ pub struct Text {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct ParamDesc {
-    /// `sizeof` this struct.
+    /// `sizeof` this struct in the plugin.
     pub size: u32,
-    /// The manual's name.
+    /// Name of the parameter, as the manual prints it.
     pub name: Text,
     /// Other spellings, separated by `|`.
     pub aliases: Text,
-    /// `SECTION_*`.
+    /// Where it is declared: a value of `SECTION_*`.
     pub section: u8,
     /// A value of [`crate::ty`].
     pub ty: u8,
@@ -42,11 +42,11 @@ pub type BlockEntry =
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct BlockDesc {
-    /// `sizeof` this struct.
+    /// `sizeof` this struct in the plugin.
     pub size: u32,
     /// `KIND_*`; `KIND_SFB` and `KIND_SFC` since 1.1.
     pub kind: u8,
-    /// Must be 0.
+    /// Padding; a plugin must set it to 0.
     pub reserved: u8,
     /// The number it wants; a station file may give it another.
     pub number: u16,
@@ -61,7 +61,7 @@ pub struct BlockDesc {
     /// Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
     /// bytes, given to `entry`. 0: `state` is null. Data that must survive belongs in the instance data block.
     pub state_size: u32,
-    /// The code.
+    /// The code of the block; it runs on the scan thread.
     pub entry: BlockEntry,
 }
 
@@ -69,7 +69,7 @@ pub struct BlockDesc {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PluginTable {
-    /// `sizeof` this struct.
+    /// `sizeof` this struct in the plugin.
     pub size: u32,
     /// [`crate::ABI_MAJOR`] the plugin was built with.
     pub abi_major: u16,
@@ -79,9 +79,9 @@ pub struct PluginTable {
     pub name: Text,
     /// The plugin's version, `0.1.0`.
     pub version: Text,
-    /// Blocks.
+    /// The first of `block_count` blocks, one after the other.
     pub blocks: *const BlockDesc,
-    /// Number of blocks.
+    /// Number of blocks at `blocks`.
     pub block_count: u32,
     /// Bytes of memory the plugin keeps per module it serves ([`HostTable::module_state`]): zeroed at every start-up.
     pub module_state_size: u32,

@@ -9,7 +9,7 @@ pub const EXTENSION_SETTINGS: &str = "settings";
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct SettingsTable {
-    /// `sizeof` this struct.
+    /// `sizeof` this struct in the host.
     pub size: u32,
     /// A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station
     /// file does not give it, or gives it as a text.

@@ -16,7 +16,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// An empty piece.
+    /// A piece without bytes: no memory.
     pub const NONE: Self = Self { area: Area::Memory, at: 0, bit: None, len: 0 };
 
     /// The memory a parameter points to; `None` if a CP cannot send or receive it.

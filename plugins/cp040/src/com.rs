@@ -1,4 +1,4 @@
-//! FB 65 SEND_RECV (CP040_COM): both directions in one block. [S3 "Overview"], [reference 8.3]
+//! FB 65 SEND_RECV (CP040_COM): both directions in one block. [S3 "Overview"] (docs/cp040-registers.md)
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -7,7 +7,7 @@ use crate::order::{Named, Orders, Told};
 use crate::state::CpState;
 
 interface! {
-    /// The parameters.
+    /// Parameters and instance data of FB 65.
     pub(crate) mod com {
         /// A rising edge sends.
         in     REQ_SEND: Bool;
@@ -75,7 +75,7 @@ const NAMED: Named = Named { db: com::SEND_DB, byte: com::SEND_BYTE, length: com
 
 const TOLD: Told = Told { status: com::TOLD, place: com::PLACE, since: com::ABSENT };
 
-/// FB 65.
+/// FB 65 SEND_RECV: sends and receives in one call.
 pub(crate) struct Com;
 
 impl Block for Com {

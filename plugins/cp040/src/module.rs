@@ -44,9 +44,9 @@ impl Order {
 /// The result of a call of either direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// Nothing to report.
+    /// No job, no telegram: nothing to report.
     Nothing,
-    /// A job runs.
+    /// A job runs; later calls report its end.
     Running,
     /// The request must be repeated later, because the CP is not ready.
     Later,
@@ -61,12 +61,12 @@ pub(crate) enum Outcome {
 }
 
 impl Outcome {
-    /// ERROR.
+    /// The output ERROR of the block.
     pub(crate) const fn is_error(self) -> bool {
         matches!(self, Self::Error(_) | Self::Lost)
     }
 
-    /// DONE or NDR.
+    /// The output DONE of the send side, NDR of the receive side.
     pub(crate) const fn is_done(self) -> bool {
         matches!(self, Self::Done(_))
     }
@@ -80,7 +80,7 @@ impl Outcome {
         }
     }
 
-    /// STATUS.
+    /// The output STATUS of the block.
     pub(crate) const fn status(self) -> u16 {
         match self {
             Self::Nothing | Self::Done(_) => status::NONE,

@@ -101,13 +101,13 @@ pub(crate) struct Told {
     pub(crate) status: Static<Word>,
     /// DB_NO and DBB_NO then.
     pub(crate) place: Static<DWord>,
-    /// As in [`Orders`].
+    /// Since when the module does not answer, as in [`Orders`].
     pub(crate) since: Static<DWord>,
 }
 
 impl Told {
     /// "ERROR is set for one call": an error that lasts is told when it comes, and again when the program has named
-    /// another place for the data. [reference 8.3]
+    /// another place for the data. (docs/cp040-registers.md)
     pub(crate) fn once(
         &self,
         cx: &mut Cx<'_, CpState>,

@@ -1,4 +1,4 @@
-//! FB 61 RECEIVE. [S3 "Overview"], [reference 8.3]
+//! FB 61 RECEIVE. [S3 "Overview"] (docs/cp040-registers.md)
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -7,7 +7,7 @@ use crate::order::{Orders, Told};
 use crate::state::CpState;
 
 interface! {
-    /// The parameters.
+    /// Parameters and instance data of FB 61.
     pub(crate) mod receive {
         /// 1: telegrams are fetched.
         in     EN_R: Bool;
@@ -55,7 +55,7 @@ const ORDERS: Orders = Orders {
 
 const TOLD: Told = Told { status: receive::TOLD, place: receive::PLACE, since: receive::ABSENT };
 
-/// FB 61.
+/// FB 61 RECEIVE: stores telegrams in a data block.
 pub(crate) struct Receive;
 
 impl Block for Receive {

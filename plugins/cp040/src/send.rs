@@ -1,4 +1,4 @@
-//! FB 60 SEND. [S3 "Overview"], [reference 8.3]
+//! FB 60 SEND. [S3 "Overview"] (docs/cp040-registers.md)
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -7,7 +7,7 @@ use crate::order::{Named, Orders};
 use crate::state::CpState;
 
 interface! {
-    /// The parameters.
+    /// Parameters and instance data of FB 60.
     pub(crate) mod send {
         /// A rising edge sends.
         in     REQ: Bool;
@@ -54,7 +54,7 @@ const ORDERS: Orders = Orders {
 
 const NAMED: Named = Named { db: send::SEND_DB, byte: send::SEND_BYTE, length: send::SEND_LENGTH };
 
-/// FB 60.
+/// FB 60 SEND: sends a telegram of a data block.
 pub(crate) struct Send;
 
 impl Block for Send {

@@ -38,7 +38,7 @@ ob1_sdk::state! {
     }
 }
 
-/// Both nibbles idle.
+/// Output byte 0 with both nibbles idle: no command to send, none to receive.
 const IDLE: u8 = 0x88;
 
 /// DB_NO and DBB_NO as one number.

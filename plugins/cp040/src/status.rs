@@ -1,8 +1,8 @@
-//! STATUS of the three blocks. [reference 8.4]
+//! STATUS of the three blocks. (docs/cp040-registers.md)
 
 use ob1_words::slio::Failure;
 
-/// No error.
+/// No error, and no job runs.
 pub(crate) const NONE: u16 = 0x0000;
 /// A job runs; no error.
 pub(crate) const RUNNING: u16 = 0x8181;

@@ -34,10 +34,10 @@ pub(crate) enum Step {
     Failed,
 }
 
-/// `RX`, decoded.
+/// The meaning of the count word in `RX`.
 enum Shown {
     Nothing,
-    /// A block.
+    /// A block of the telegram; `last` if nothing follows it.
     Block {
         bytes: u16,
         last: bool,
@@ -110,7 +110,6 @@ fn taken(before: Job, count: u16, bytes: u16, last: bool) -> (Job, Step) {
     (job, Step::Take { to: before.geem, len, count })
 }
 
-/// FC 11.
 pub(crate) struct Fragment;
 
 impl Block for Fragment {

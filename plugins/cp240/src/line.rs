@@ -20,9 +20,9 @@ interface! {
         in     RTS: Bool;
         /// New state of DTR.
         in     DTR: Bool;
-        /// 1: set RTS.
+        /// 1: RTS takes the state of the parameter RTS.
         in     MASKE_RTS | MASK_RTS: Bool;
-        /// 1: set DTR.
+        /// 1: DTR takes the state of the parameter DTR.
         in     MASKE_DTR | MASK_DTR: Bool;
         /// Bits 5 RTS, 4 DTR, 3 CD, 2 RI, 1 DSR, 0 CTS.
         out    STATUS: Byte;
@@ -32,7 +32,7 @@ interface! {
         in_out START: Bool;
         /// The access is running.
         in_out AUFTRAG_LAEU: Bool;
-        /// Always 0.
+        /// Always 0: the manual names no error.
         out    RET_VAL: Word;
     }
 }
@@ -43,7 +43,6 @@ pub(crate) fn command(rts: bool, dtr: bool, set_rts: bool, set_dtr: bool) -> u16
     bits.into_iter().filter(|(on, _)| *on).fold(LINE, |word, (_, bit)| word | bit)
 }
 
-/// FC 8.
 pub(crate) struct Line;
 
 impl Block for Line {

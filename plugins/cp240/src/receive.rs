@@ -110,7 +110,6 @@ impl Standing {
     }
 }
 
-/// FC 1.
 pub(crate) struct Receive;
 
 impl Block for Receive {

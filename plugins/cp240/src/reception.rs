@@ -135,11 +135,11 @@ impl Reception {
 /// What a call may do with `RX`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Turn {
-    /// Continue its job.
+    /// Continue the job that it has.
     GoOn,
-    /// Begin one.
+    /// Begin a job with the telegram in `RX`.
     Begin,
-    /// Nothing.
+    /// Leave `RX` alone: it is another block's.
     No,
 }
 

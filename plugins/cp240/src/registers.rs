@@ -33,7 +33,7 @@ pub(crate) struct Words {
 /// A decoded count word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Count {
-    /// 0 to 1024.
+    /// Length of a telegram or of a block, 0 to 1024 bytes.
     Bytes(u16),
     /// The order failed, with the CP's error code.
     Failed(u8),
@@ -44,7 +44,7 @@ pub(crate) enum Count {
         /// CD, RI, DSR, CTS in bits 3 to 0.
         delta: u8,
     },
-    /// A system word.
+    /// A system word: start-up identifier or synchronisation, for FC 9.
     System,
     /// Not valid: treated as absent.
     Nonsense,
@@ -95,7 +95,7 @@ impl Words {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Pafe {
-    /// No error.
+    /// No error of the data block.
     Ok = 0,
     /// Data block not present.
     Missing = 1,

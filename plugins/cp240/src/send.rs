@@ -142,7 +142,6 @@ impl Job {
     }
 }
 
-/// FC 0.
 pub(crate) struct Send;
 
 impl Block for Send {

@@ -93,7 +93,6 @@ impl Bits {
     }
 }
 
-/// FC 9.
 pub(crate) struct SynchronReset;
 
 impl Block for SynchronReset {

@@ -97,7 +97,7 @@ impl Claim {
         self.orphans.set(true);
     }
 
-    /// Everything is reset.
+    /// FC 9 has reset the CP: no owner, no orphans.
     pub(crate) fn clear(&self) {
         self.release();
         self.orphans.set(false);
@@ -247,7 +247,7 @@ impl Turn {
         }
     }
 
-    /// Everything is reset.
+    /// FC 9 has reset the CP: no owner, nobody waits.
     pub(crate) fn clear(&self) {
         self.claim.clear();
         self.waiting.iter().for_each(|place| place.key.set(0));

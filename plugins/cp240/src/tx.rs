@@ -13,7 +13,7 @@ use crate::registers::{Count, FAILED, LINE, TX, Words, tx_count};
 use crate::state::CpState;
 use crate::turn::{GIVEN_UP, Key, Role, Take, Turn};
 
-/// FC 8.
+/// The key of FC 8: all its calls are one user of `TX`.
 pub(crate) const LINES: Key = Key::new(Role::Line, 0);
 
 /// Telegrams of FC 0 that the CP has finished and whose block has not been called since.
@@ -51,7 +51,7 @@ ob1_sdk::state! {
     #[derive(Debug, Default)]
     pub(crate) struct Tx {
         pub(crate) turn: Turn,
-        /// [`Handed`].
+        /// How far the telegram has been passed: a [`Handed`].
         handed: Cell<u8>,
         untold: [Ended; UNTOLD],
         oldest: Cell<u8>,
@@ -140,7 +140,7 @@ impl Tx {
 /// A line command in `TX`, seen from the block that is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Line {
-    /// There is none.
+    /// `TX` has no line command.
     None,
     /// The CP has not answered yet.
     Waits,

@@ -70,7 +70,6 @@ interface! {
 
 const RECEIVE: receive::Params = ob1_ptp::receive_params!(rcv);
 
-/// FB 2.
 struct Receive;
 
 impl Block for Receive {
@@ -86,12 +85,11 @@ impl Block for Receive {
     }
 }
 
-/// Longest telegram, bytes.
+/// Longest telegram that the CP 340 sends, in bytes.
 const LEN_MAX: i16 = 1024;
 
 const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd::LEN, longest: LEN_MAX };
 
-/// FB 3.
 struct Send;
 
 impl Job for Send {
@@ -123,7 +121,6 @@ impl Block for Send {
     }
 }
 
-/// FB 4.
 struct Print340;
 
 impl Name for Print340 {

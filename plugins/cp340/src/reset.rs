@@ -9,7 +9,7 @@ use ob1_ptp::channel::address;
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 use ob1_words::channels::RESET_AT;
 
-/// STATUS: the CP cannot be written to; RET_VAL of the record transfer is in SFCERR. [reference 3.14]
+/// STATUS: the CP cannot be written to; RET_VAL of the record transfer is in SFCERR. (docs/cp341-events.md)
 const WRITE_FAILED: u16 = 0x1E0F;
 /// RET_VAL: no module at LADDR.
 const NO_MODULE: u16 = 0x8090;
@@ -38,7 +38,6 @@ interface! {
     }
 }
 
-/// FB 12.
 pub(crate) struct Reset;
 
 impl Block for Reset {

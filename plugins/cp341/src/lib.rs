@@ -7,13 +7,13 @@ mod send;
 
 use ob1_ptp::print::{Name, Print};
 
-/// FB 13 P_PRT341. [reference 1.8]
+/// FB 13 P_PRT341. [TIA help "PtP data link CP 341"]
 struct Prt341;
 
 impl Name for Prt341 {
     const NUMBER: u16 = 13;
     const NAME: &'static str = "P_PRT341";
-    // [reference 3.14]
+    // (docs/cp341-events.md)
     const LENGTH_WRONG: u16 = 0x1E42;
 }
 

@@ -1,4 +1,5 @@
-//! FB 7 P_RCV_RK: receives telegrams of the partner, and with RK 512 serves its SEND and FETCH. [reference 1.4, 1.5]
+//! FB 7 P_RCV_RK: receives telegrams of the partner, and with RK 512 serves its SEND and FETCH.
+//! [TIA help "PtP data link CP 341"]
 
 use ob1_ptp::CpState;
 use ob1_ptp::receive::{self, Params};
@@ -44,7 +45,6 @@ interface! {
 
 const SHARED: Params = ob1_ptp::receive_params!(rcv);
 
-/// FB 7.
 pub(crate) struct ReceiveRk;
 
 impl Block for ReceiveRk {
@@ -58,7 +58,7 @@ impl Block for ReceiveRk {
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         if let Some(received) = receive::call(cx, &SHARED)? {
             let has_header = received.letter != 0;
-            // The local area: data to a DX are in DB_NO, from DBB_NO on. [reference 1.4]
+            // The local area: data to a DX are in DB_NO, from DBB_NO on. [TIA help "PtP data link CP 341"]
             cx.set(rcv::L_TYP, if received.letter == b'X' { b'D' } else { received.letter })?;
             cx.set(rcv::L_NO, if has_header { received.number as i16 } else { 0 })?;
             cx.set(rcv::L_OFFSET, if has_header { received.offset as i16 } else { 0 })?;

@@ -1,4 +1,5 @@
-//! FB 8 P_SND_RK: sends data of a DB, or fetches data of the partner into a DB (RK 512). [reference 1.1, 1.2]
+//! FB 8 P_SND_RK: sends data of a DB, or fetches data of the partner into a DB (RK 512).
+//! [TIA help "PtP data link CP 341"]
 
 use ob1_ptp::CpState;
 use ob1_ptp::channel::LEN_MAX;
@@ -79,7 +80,6 @@ impl Job for SendRk {
     }
 }
 
-/// FB 8.
 pub(crate) struct SendRk;
 
 impl Block for SendRk {

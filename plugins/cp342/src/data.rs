@@ -11,7 +11,7 @@ use crate::outcome::{AREA, Outcome, exchanging, of_memory, of_module};
 const OFFLINE: u8 = mode::OFFLINE << dp_status::MODE_AT;
 
 interface! {
-    /// DP_SEND.
+    /// Parameters of FC 1 DP_SEND, in the manual's order.
     pub(crate) mod snd {
         /// Module start address of the CP.
         in     CPLADDR: Word;
@@ -26,7 +26,6 @@ interface! {
     }
 }
 
-/// FC 1.
 pub(crate) struct Send;
 
 impl Block for Send {
@@ -61,7 +60,7 @@ fn send(cx: &mut Cx<'_, ()>) -> Result<Outcome, Abort> {
 }
 
 interface! {
-    /// DP_RECV.
+    /// Parameters of FC 2 DP_RECV, in the manual's order.
     pub(crate) mod rcv {
         /// Module start address of the CP.
         in     CPLADDR: Word;
@@ -78,7 +77,6 @@ interface! {
     }
 }
 
-/// FC 2.
 pub(crate) struct Receive;
 
 impl Block for Receive {

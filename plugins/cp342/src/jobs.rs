@@ -31,7 +31,7 @@ fn job(cx: &mut Cx<'_, ()>, address: u16, wanted: &[u8], answer: &mut Answer) ->
 }
 
 interface! {
-    /// DP_DIAG.
+    /// Parameters of FC 3 DP_DIAG, in the manual's order.
     pub(crate) mod diag {
         /// Module start address of the CP.
         in     CPLADDR: Word;
@@ -52,7 +52,6 @@ interface! {
     }
 }
 
-/// FC 3.
 pub(crate) struct Diagnose;
 
 impl Block for Diagnose {
@@ -93,7 +92,7 @@ fn diagnose(cx: &mut Cx<'_, ()>) -> Result<(Outcome, usize), Abort> {
 }
 
 interface! {
-    /// DP_CTRL.
+    /// Parameters of FC 4 DP_CTRL, in the manual's order.
     pub(crate) mod ctrl {
         /// Module start address of the CP.
         in     CPLADDR: Word;
@@ -101,14 +100,13 @@ interface! {
         in     CONTROL: Any;
         /// The job ended without error.
         out    DONE: Bool;
-        /// The job failed.
+        /// The job failed; STATUS says why.
         out    ERROR: Bool;
-        /// The error.
+        /// Result of the job; docs/cp342.md lists the numbers.
         out    STATUS: Word;
     }
 }
 
-/// FC 4.
 pub(crate) struct Control;
 
 impl Block for Control {

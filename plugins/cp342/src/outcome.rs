@@ -16,11 +16,11 @@ const BUSY: u16 = 0x80C1;
 /// The outcome of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// Done.
+    /// Done without error; STATUS is 0.
     Done,
     /// Nothing to do, and no error; with STATUS.
     Nothing(u16),
-    /// An error.
+    /// Failed, with this STATUS.
     Error(u16),
 }
 

@@ -51,15 +51,15 @@ fn status(end: End, outside: u16) -> Option<u16> {
 }
 
 interface! {
-    /// AG_SEND and AG_LSEND.
+    /// Parameters of AG_SEND and AG_LSEND, in the manual's order.
     pub(crate) mod snd {
         /// 1: starts a job, if none is running.
         in     ACT: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
-        /// The data.
+        /// The data to send.
         in     SEND: Any;
         /// Bytes of it, 1 to 8192.
         in     LEN: Int;
@@ -111,9 +111,9 @@ impl<const NUMBER: u16> Block for Send<NUMBER> {
 }
 
 interface! {
-    /// AG_RECV and AG_LRECV.
+    /// Parameters of AG_RECV and AG_LRECV, in the manual's order.
     pub(crate) mod rcv {
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
@@ -161,11 +161,11 @@ impl<const NUMBER: u16> Block for Receive<NUMBER> {
 }
 
 interface! {
-    /// AG_LOCK and AG_UNLOCK.
+    /// Parameters of AG_LOCK and AG_UNLOCK, in the manual's order.
     pub(crate) mod lock {
         /// 1: starts a job.
         in     ACT: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
@@ -204,11 +204,11 @@ impl<const NUMBER: u16> Block for Lock<NUMBER> {
 }
 
 interface! {
-    /// AG_CNTRL.
+    /// Parameters of AG_CNTRL, in the manual's order.
     pub(crate) mod cntrl {
         /// 1: starts a job.
         in     ACT: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
@@ -221,14 +221,13 @@ interface! {
         out    ERROR: Bool;
         /// The error, or 8181h while the job is running.
         out    STATUS: Word;
-        /// See docs/cp343.md.
+        /// CMD 1: state of the connection; CMD 3: of connections 1 to 32, one bit each. (docs/cp343.md)
         out    RESULT1: DWord;
-        /// See docs/cp343.md.
+        /// CMD 3: the same of the connections from 33 on. (docs/cp343.md)
         out    RESULT2: DWord;
     }
 }
 
-/// FC 10.
 pub(crate) struct Control;
 
 impl Block for Control {

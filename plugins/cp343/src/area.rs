@@ -16,7 +16,7 @@ pub(crate) struct Spans {
 }
 
 impl Spans {
-    /// No pieces.
+    /// No memory at all, for blocks without data.
     pub(crate) const NONE: Self = Self { all: [Span::NONE; ITEMS_MAX], count: 0 };
 
     /// The areas in the parameters of a block, from the first on. `None` if there is no area, a gap between areas, or

@@ -29,17 +29,17 @@ fn ask(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Result<Option<u16>, u16>, Ab
 }
 
 interface! {
-    /// C_CNTRL.
+    /// Parameters of FC 62 C_CNTRL, in the manual's order.
     pub(crate) mod cntrl {
         /// 1: requests the state.
         in     EN_R: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// 0, or the STATUS.
         ret    RET_VAL: Int;
         /// The state could not be read.
         out    ERROR: Bool;
-        /// The error.
+        /// The error, 0 without one; docs/cp343.md lists the numbers.
         out    STATUS: Word;
         /// The connection is established.
         out    C_CONN: Bool;
@@ -48,7 +48,6 @@ interface! {
     }
 }
 
-/// FC 62.
 pub(crate) struct Status;
 
 impl Block for Status {
@@ -82,7 +81,7 @@ impl Block for Status {
 }
 
 interface! {
-    /// CONTROL.
+    /// Parameters of SFC 62 CONTROL, in the manual's order.
     pub(crate) mod control {
         /// 1: requests the state.
         in     EN_R: Bool;
@@ -94,7 +93,7 @@ interface! {
         ret    RET_VAL: Int;
         /// The state could not be read.
         out    ERROR: Bool;
-        /// The error.
+        /// The error, 0 without one; docs/cp343.md lists the numbers.
         out    STATUS: Word;
         /// Type of the SFB.
         out    I_TYP: Byte;
@@ -113,7 +112,7 @@ const NO_SFB: u8 = 0xFF;
 /// Offsets in the instance of an SFB, in bytes, of the values that CONTROL reads.
 struct Place {
     number: u8,
-    /// I_TYP.
+    /// I_TYP of the block: which of the SFBs it is.
     code: u8,
     block: u32,
     called: u32,
@@ -165,7 +164,6 @@ fn word(cx: &mut Cx<'_, CpState>, db: u16, at: u32) -> Result<u16, Abort> {
     Ok(cx.read(Area::Db(db), at, &mut bytes)?.map_or(0, |()| u16::from_be_bytes(bytes)))
 }
 
-/// SFC 62.
 pub(crate) struct Control;
 
 impl Block for Control {

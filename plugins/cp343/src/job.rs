@@ -73,7 +73,7 @@ impl Wanted {
 /// The outcome of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
-    /// No job.
+    /// No job, and none was begun.
     Idle,
     /// The job is running.
     Running,

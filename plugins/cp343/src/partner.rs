@@ -136,7 +136,7 @@ pub(crate) fn failure(end: End) -> Option<u16> {
 
 /// The outputs that all these blocks have.
 pub(crate) struct Outputs {
-    /// DONE or NDR.
+    /// DONE of a block that sends, NDR of one that receives.
     pub(crate) end: Formal<Bool, Out>,
     pub(crate) error: Formal<Bool, Out>,
     pub(crate) status: Formal<Word, Out>,

@@ -11,7 +11,7 @@ ob1_sdk::state! {
         slots: [Slot; BOXES],
         /// Counts the uses of the slots: the one that has been idle longest is released first.
         clock: Cell<u32>,
-        /// See [`CpState::start_up`].
+        /// Number of the start-up; 0: not asked for yet. See [`CpState::start_up`].
         start_up: Cell<u32>,
     }
 }
@@ -28,7 +28,7 @@ ob1_sdk::state! {
         pub(crate) job: Cell<u16>,
         /// The last job whose data were all taken.
         pub(crate) had: Cell<u16>,
-        /// See [`Phase`].
+        /// How far the job is: a [`Phase`].
         phase: Cell<u8>,
         /// The piece shown last, or the number of pieces taken.
         pub(crate) piece: Cell<u16>,

@@ -15,7 +15,7 @@ both! {
     Usend = "USEND" 8: mod usend, usend4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// Identifies the URCV of the partner.
         in     R_ID: DWord;
@@ -50,7 +50,7 @@ both! {
     Urcv = "URCV" 9: mod urcv, urcv4 {
         /// 1: data are accepted.
         in     EN_R: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// Identifies the USEND of the partner.
         in     R_ID: DWord;
@@ -58,7 +58,7 @@ both! {
         out    NDR: Bool;
         /// For one call: the data could not be stored.
         out    ERROR: Bool;
-        /// The error.
+        /// The error, 0 without one; docs/cp343.md lists the numbers.
         out    STATUS: Word;
     }
     in_out { RD_1: Any; }
@@ -83,7 +83,7 @@ both! {
         in     REQ: Bool;
         /// 1 cancels the job.
         in     R: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// Identifies the BRCV of the partner.
         in     R_ID: DWord;
@@ -93,7 +93,7 @@ both! {
         out    ERROR: Bool;
         /// The error; 11: REQ came while a job was running, 25: the job is running.
         out    STATUS: Word;
-        /// The data.
+        /// The data to send.
         in_out SD_1: Any;
         /// Number of bytes to send; 0: all.
         in_out LEN: Word;
@@ -139,7 +139,7 @@ both! {
     Brcv = "BRCV" 13: mod brcv, brcv4 {
         /// 1: data are accepted.
         in     EN_R: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// Identifies the BSEND of the partner.
         in     R_ID: DWord;
@@ -147,11 +147,11 @@ both! {
         out    NDR: Bool;
         /// For one call: the data could not be stored.
         out    ERROR: Bool;
-        /// The error.
+        /// The error, 0 without one; docs/cp343.md lists the numbers.
         out    STATUS: Word;
         /// Memory for the data.
         in_out RD_1: Any;
-        /// Bytes received.
+        /// Number of bytes received.
         in_out LEN: Word;
     }
     in_out {}

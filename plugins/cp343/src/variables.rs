@@ -11,7 +11,7 @@ both! {
     Put = "PUT" 15: mod put, put4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// For one call: the partner has written the data.
         out    DONE: Bool;
@@ -51,7 +51,7 @@ both! {
     Get = "GET" 14: mod get, get4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// The connection.
+        /// Number of the connection, as the station file gives it.
         in     ID: Word;
         /// For one call: the data have been stored.
         out    NDR: Bool;

@@ -18,7 +18,7 @@ const VARIABLE_HEADER: usize = 12;
 /// Bytes of a fixed data structure: identification, access number, state, medium and units, two counters.
 const FIXED_BYTES: usize = 16;
 
-/// An answer.
+/// An answer of a meter to REQ_UD2, whose header was valid.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer<'a> {
     /// The meter that has answered.

@@ -10,7 +10,7 @@ pub struct Extent {
     pub head: usize,
     /// The LVAR byte of data of variable length.
     pub lvar: usize,
-    /// The data.
+    /// Bytes of the data, after DIF, VIF and LVAR.
     pub data: usize,
 }
 

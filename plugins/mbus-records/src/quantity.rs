@@ -13,62 +13,62 @@ macro_rules! numbered {
         }
 
         impl $name {
-            /// All of them.
+            /// All of them, by rising number.
             pub const ALL: &'static [Self] = &[$(Self::$variant),*];
         }
     };
 }
 
 numbered! {
-    /// The measured quantity.
+    /// The measured quantity, from the VIF.
     Quantity {
         /// Another quantity: see the VIF.
         Other = 0,
-        /// Energy.
+        /// Energy: heat, cold or electricity.
         Energy = 1,
-        /// Volume.
+        /// Volume of what has flowed.
         Volume = 2,
-        /// Mass.
+        /// Mass of what has flowed.
         Mass = 3,
         /// Time the meter has been on.
         OnTime = 4,
         /// Time the meter has been operating.
         OperatingTime = 5,
-        /// Power.
+        /// Power at the moment of the record.
         Power = 6,
-        /// Volume flow.
+        /// Volume flow, volume for each unit of time.
         VolumeFlow = 7,
-        /// Mass flow.
+        /// Mass flow, mass for each unit of time.
         MassFlow = 8,
-        /// Flow temperature.
+        /// Flow temperature: of the medium that comes to the consumer.
         FlowTemperature = 9,
-        /// Return temperature.
+        /// Return temperature: of the medium that leaves the consumer.
         ReturnTemperature = 10,
         /// Difference of flow and return temperature.
         TemperatureDifference = 11,
-        /// External temperature.
+        /// Temperature outside the meter's medium.
         ExternalTemperature = 12,
-        /// Pressure.
+        /// Pressure of the medium.
         Pressure = 13,
         /// A point in time.
         TimePoint = 14,
         /// Units of a heat cost allocator.
         HeatCost = 15,
-        /// Averaging duration.
+        /// Time over which the meter averages.
         AveragingDuration = 16,
         /// Age of the values.
         ActualityDuration = 17,
-        /// Fabrication number.
+        /// Fabrication number of the meter.
         FabricationNumber = 18,
-        /// Identification.
+        /// Identification number of the meter.
         Identification = 19,
-        /// Voltage.
+        /// Voltage of the supply that is measured.
         Voltage = 20,
-        /// Current.
+        /// Current of the supply that is measured.
         Current = 21,
-        /// Frequency.
+        /// Frequency of the supply that is measured.
         Frequency = 22,
-        /// Relative humidity.
+        /// Relative humidity of the air.
         Humidity = 23,
         /// Error flags, bit by bit.
         ErrorFlags = 24,
@@ -82,25 +82,25 @@ numbered! {
         SoftwareVersion = 28,
         /// Version of the hardware.
         HardwareVersion = 29,
-        /// Model.
+        /// Model or version of the meter, as a code or text.
         Model = 30,
-        /// Customer or location.
+        /// Customer or location of the meter.
         Customer = 31,
         /// Operating time or remaining life of the battery.
         Battery = 32,
         /// A number without a unit.
         Dimensionless = 33,
-        /// Reactive energy.
+        /// Reactive energy of an alternating current.
         ReactiveEnergy = 34,
-        /// Apparent energy.
+        /// Apparent energy of an alternating current.
         ApparentEnergy = 35,
-        /// Reactive power.
+        /// Reactive power of an alternating current.
         ReactivePower = 36,
-        /// Apparent power.
+        /// Apparent power of an alternating current.
         ApparentPower = 37,
-        /// Count of resets.
+        /// How often the meter was reset.
         ResetCounter = 38,
-        /// Manufacturer-specific.
+        /// Manufacturer-specific: the manufacturer's documents say what.
         Manufacturer = 39,
     }
 }
@@ -110,69 +110,69 @@ numbered! {
     Unit {
         /// No unit, or another unit.
         None = 0,
-        /// Wh.
+        /// Watt-hour, Wh: unit of energy.
         WattHour = 1,
-        /// J.
+        /// Joule, J: unit of energy.
         Joule = 2,
-        /// m3.
+        /// Cubic metre, m3 (volume).
         CubicMetre = 3,
-        /// kg.
+        /// Kilogram, kg: unit of mass.
         Kilogram = 4,
-        /// s.
+        /// Second, s: unit of time.
         Second = 5,
-        /// min.
+        /// Minute, min: unit of time.
         Minute = 6,
-        /// h.
+        /// Hour, h: unit of time.
         Hour = 7,
-        /// d.
+        /// Day, d: unit of time.
         Day = 8,
-        /// Months.
+        /// Month of the calendar: unit of time.
         Month = 9,
-        /// Years.
+        /// Year of the calendar: unit of time.
         Year = 10,
-        /// W.
+        /// Watt, W: unit of power.
         Watt = 11,
-        /// J/h.
+        /// Joule per hour, J/h (power).
         JoulePerHour = 12,
-        /// m3/h.
+        /// Cubic metre per hour, m3/h (volume flow).
         CubicMetrePerHour = 13,
-        /// m3/min.
+        /// Cubic metre per minute, m3/min (volume flow).
         CubicMetrePerMinute = 14,
-        /// m3/s.
+        /// Cubic metre per second, m3/s (volume flow).
         CubicMetrePerSecond = 15,
-        /// kg/h.
+        /// Kilogram per hour, kg/h (mass flow).
         KilogramPerHour = 16,
-        /// degrees Celsius.
+        /// Degree Celsius: unit of temperature.
         Celsius = 17,
-        /// K.
+        /// Kelvin, K (temperature difference).
         Kelvin = 18,
-        /// bar.
+        /// Bar, 100 000 Pa (pressure).
         Bar = 19,
-        /// V.
+        /// Volt, V: unit of voltage.
         Volt = 20,
-        /// A.
+        /// Ampere, A: unit of current.
         Ampere = 21,
-        /// Hz.
+        /// Hertz, Hz: unit of frequency.
         Hertz = 22,
-        /// %.
+        /// Per cent, % (relative humidity).
         Percent = 23,
-        /// degrees (angle).
+        /// Degree of an angle, 1/360 of a circle.
         Degree = 24,
-        /// varh.
+        /// Volt-ampere-hour reactive, varh (reactive energy).
         VarHour = 25,
-        /// VAh.
+        /// Volt-ampere-hour, VAh (apparent energy).
         VoltAmpereHour = 26,
-        /// var.
+        /// Volt-ampere reactive, var (reactive power).
         Var = 27,
-        /// VA.
+        /// Volt-ampere, VA (apparent power).
         VoltAmpere = 28,
-        /// t.
+        /// Tonne, t, 1000 kg (mass).
         Tonne = 29,
-        /// degrees Fahrenheit.
+        /// Degree Fahrenheit: unit of temperature.
         Fahrenheit = 30,
-        /// Cubic feet.
+        /// Cubic feet (volume; 0.0283 m3 each).
         CubicFoot = 31,
-        /// US gallons.
+        /// US gallons (volume; 3.785 l each).
         Gallon = 32,
     }
 }

@@ -24,7 +24,7 @@ pub enum Fault {
 pub struct Header {
     /// A field: primary address.
     pub address: u8,
-    /// CI field.
+    /// CI field: the form of what follows.
     pub ci: u8,
     /// Identification number, eight BCD digits: 12345678h is 12345678.
     pub identification: u32,
@@ -50,12 +50,12 @@ impl Header {
     }
 }
 
-/// A value.
+/// Value of a record, not scaled: `exponent` of the record does that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value<'a> {
-    /// No value.
+    /// The record has no data.
     None,
-    /// A whole number.
+    /// A whole number that fits into a DINT.
     Whole(i32),
     /// A whole number beyond a DINT, rounded to a double.
     Big(f64),
@@ -65,17 +65,17 @@ pub enum Value<'a> {
     Date([u8; 3]),
     /// Day, month, year of the century, hour, minute, second.
     DateTime([u8; 6]),
-    /// Hour, minute, second.
+    /// Time of day: hour, minute, second.
     Time([u8; 3]),
     /// Text, last character first, as it is transmitted.
     Text(&'a [u8]),
-    /// Manufacturer-specific data.
+    /// Data in a form of the manufacturer's own.
     Bytes(&'a [u8]),
     /// Characters that are not digits, or a date that the meter calls invalid.
     Invalid,
 }
 
-/// A data record.
+/// One data record of an answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record<'a> {
     /// 0 instantaneous, 1 maximum, 2 minimum, 3 during an error.
@@ -86,13 +86,13 @@ pub struct Record<'a> {
     pub tariff: u32,
     /// Subunit of the device.
     pub device: u16,
-    /// The quantity.
+    /// What was measured, from the VIF.
     pub quantity: Quantity,
-    /// The unit.
+    /// Unit of the value times 10 to the power of `exponent`.
     pub unit: Unit,
-    /// Power of ten.
+    /// Power of ten by which the value is multiplied.
     pub exponent: i16,
-    /// The value.
+    /// The value before it is multiplied.
     pub value: Value<'a>,
     /// VIF, and the first VIFE or 0: for quantities that [`Quantity`] does not list.
     pub vif: [u8; 2],

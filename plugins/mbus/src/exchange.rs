@@ -15,9 +15,9 @@ pub(crate) const RX_BYTES: u16 = RESPONSE_MAX as u16;
 const IDLE: u8 = 0;
 /// Data that an earlier order has left in the CP are removed.
 const DRAIN: u8 = 1;
-/// FC 0 sends.
+/// FC 0 sends the order.
 const SEND: u8 = 2;
-/// FC 1 receives.
+/// FC 1 receives the response.
 const RECEIVE: u8 = 3;
 
 /// The variables of the instance; `exchange_of!` collects them by their names.
@@ -129,7 +129,7 @@ pub(crate) enum Progress {
     Running,
     /// RX contains a response of this many bytes.
     Response(usize),
-    /// STATUS.
+    /// The order failed, with this STATUS.
     Failed(u16),
 }
 
@@ -163,7 +163,7 @@ impl Exchange {
         Ok(progress)
     }
 
-    /// The response.
+    /// Copies the response out of the instance: its first `len` bytes, at most [`RESPONSE_MAX`].
     pub(crate) fn response<'b>(
         self,
         cx: &mut Cx<'_>,

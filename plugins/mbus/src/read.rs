@@ -9,7 +9,7 @@ use crate::{records, status};
 
 /// "The address 253 shows a secondary addressing." [S0 "A field"]
 pub(crate) const SELECTED: u8 = 253;
-/// SND_NKE. [S0 "Functions"]
+/// SND_NKE: initialises the link of the slave. [S0 "Functions"]
 pub(crate) const SND_NKE: u8 = 0x40;
 /// SND_UD, FCB 0: the selection.
 pub(crate) const SND_UD: u8 = 0x53;

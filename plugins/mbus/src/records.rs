@@ -5,7 +5,7 @@ use ob1_sdk::{Abort, Area, Cx};
 
 use crate::status;
 
-/// The result.
+/// What became of an answer: STATUS, number of records written, whether records were left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Written {
     pub(crate) status: u16,

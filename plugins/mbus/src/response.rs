@@ -4,17 +4,17 @@ use crate::status;
 
 /// Longest response: response byte, C, A, CI field, 252 bytes of user data.
 pub(crate) const RESPONSE_MAX: usize = 256;
-/// The single character.
+/// The single character E5h, by which a meter acknowledges.
 const SINGLE: u8 = 0xE5;
 
-/// A response.
+/// The meaning of the CP's response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Response<'a> {
     /// The single character: acknowledged.
     Acknowledged,
     /// A frame: C, A and the following bytes.
     Fields(&'a [u8]),
-    /// An error: STATUS.
+    /// The CP or the bus reports an error, with this STATUS.
     Error(u16),
 }
 

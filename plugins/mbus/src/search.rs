@@ -50,9 +50,9 @@ with_exchange! {
         out    ERROR: Bool;
         /// 0 or an error.
         out    STATUS: Word;
-        /// Meters found.
+        /// Number of meters found so far.
         out    COUNT: Int;
-        /// The current pattern.
+        /// The pattern that is tried, eight digits; Fh is any.
         out    CURRENT: DWord;
         static LAST_REQ: Bool;
         static STEP: Byte;

@@ -2,7 +2,7 @@
 
 use ob1_mbus_records::Fault;
 
-/// No error.
+/// No error, or a job runs.
 pub(crate) const OK: u16 = 0x0000;
 /// No answer. [S0 "FC 100"]
 pub(crate) const NO_ANSWER: u16 = 0x8001;
@@ -14,7 +14,7 @@ pub(crate) const UNDEFINED: u16 = 0x80FF;
 pub(crate) const CP_FAILED: u16 = 0x8101;
 /// FC 0 or FC 1 reports a parameter error, or does not exist under the given number.
 pub(crate) const NO_HANDLING_BLOCK: u16 = 0x8102;
-/// TIMEOUT has elapsed.
+/// No end of the exchange within TIMEOUT.
 pub(crate) const TIMEOUT: u16 = 0x8103;
 /// No meter has acknowledged the selection.
 pub(crate) const NOT_SELECTED: u16 = 0x8104;

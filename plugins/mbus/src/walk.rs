@@ -2,7 +2,7 @@
 
 /// Digits of an identification.
 const DIGITS: u32 = 8;
-/// The wildcard digit.
+/// The wildcard digit Fh: any digit matches.
 const ANY: u32 = 0xF;
 
 /// A pattern of identifications, and the number of digits set.
@@ -10,7 +10,7 @@ const ANY: u32 = 0xF;
 pub(crate) struct Walk {
     /// The initial pattern: its digits Fh are searched, from the left.
     pub(crate) base: u32,
-    /// The current pattern.
+    /// The current pattern, eight digits.
     pub(crate) id: u32,
     /// The number of searched digits that are set.
     pub(crate) level: u8,

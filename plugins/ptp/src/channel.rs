@@ -5,10 +5,10 @@ use ob1_words::channels::{BLOCK_BYTES, Block, Channel};
 
 use crate::state::CpState;
 
-/// Longest job of all blocks, in bytes. [reference 1.1]
+/// Longest job of all blocks, in bytes. [TIA help "PtP data link CP 341"]
 pub const LEN_MAX: u16 = 4096;
 
-/// The reason why a channel cannot be used, as RET_VAL of SFC 58/59. [reference 3.14]
+/// The reason why a channel cannot be used, as RET_VAL of SFC 58/59. (docs/cp341-events.md)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Unreachable(pub(crate) u16);
 

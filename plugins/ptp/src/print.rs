@@ -1,4 +1,5 @@
-//! P_PRINT of the CP 340 and P_PRT341 of the CP 341: prints a format string with up to four variables. [reference 1.8]
+//! P_PRINT of the CP 340 and P_PRT341 of the CP 341: prints a format string with up to four variables.
+//! [TIA help "PtP data link CP 341"]
 //!
 //! DB_NO and DBB_NO name a pointer data block. For each of four variables, and then for the format string, it has three
 //! words: the number of the data block (0: none), the first byte in it, the length.
@@ -13,21 +14,21 @@ use ob1_words::channels::Job as Order;
 
 use crate::send::{self, Data, Job, Params, wrong_db};
 
-/// Longest variable, and longest format string. [reference 1.8]
+/// Longest variable, and longest format string. [TIA help "PtP data link CP 341"]
 const VARIABLE_MAX: u16 = 32;
 const FORMAT_MAX: u16 = 150;
 
 /// Variables and format string.
 const POINTERS: usize = 5;
 
-/// Bytes of the pointers, and maximum DBB_NO: the pointers must be within 8192 bytes. [reference 1.8]
+/// Bytes of the pointers, and maximum DBB_NO: the pointers must be within 8192 bytes. [TIA help "PtP data link CP 341"]
 const POINTER_BYTES: usize = 6 * POINTERS;
 const DBB_NO_MAX: i16 = 8162;
 
 /// Bytes of a job: the five lengths, the variables and the format string.
 const JOB_MAX: usize = 2 * POINTERS + 4 * VARIABLE_MAX as usize + FORMAT_MAX as usize;
 
-/// STATUS: no pointer to a format string. [reference 3.14]
+/// STATUS: no pointer to a format string. (docs/cp341-events.md)
 const NO_FORMAT: u16 = 0x1E43;
 
 interface! {
@@ -39,7 +40,7 @@ interface! {
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// Pointer data block.
+        /// Number of the pointer data block.
         in     DB_NO: Int;
         /// First byte of the pointers in it, 0 to 8162.
         in     DBB_NO: Int;

@@ -1,9 +1,9 @@
-//! The receiving blocks P_RCV and P_RCV_RK: telegrams of the partner, with RK 512 its SEND and FETCH. [reference 1.4,
-//! 1.5]
+//! The receiving blocks P_RCV and P_RCV_RK: telegrams of the partner, with RK 512 its SEND and FETCH.
+//! [TIA help "PtP data link CP 341"]
 //!
 //! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that reports the
 //! end: at least three. A FETCH passes its first piece in the call that accepts it. The start-up coordination takes one
-//! call before. [reference 1.0]
+//! call before. [CP 341 manual 09/2008, p. 178]
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
@@ -15,7 +15,7 @@ use crate::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
 use crate::state::{CpState, JOB_MS, WAITING_MS, called};
 use crate::target::Target;
 
-/// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
+/// STATUS: RD_REC failed; RET_VAL is in SFCERR. (docs/cp341-events.md)
 const READ_FAILED: u16 = 0x1E0E;
 
 /// The phase of the job.
@@ -26,7 +26,7 @@ pub(crate) enum Phase {
     Off,
     /// The start-up coordination has been requested.
     Starting,
-    /// EN_R = 0.
+    /// EN_R = 0: nothing is accepted.
     Rest,
     /// Waits for a telegram or a job of the partner.
     Waiting,
@@ -72,7 +72,7 @@ pub(crate) struct Memory {
     absent_since: Option<u32>,
     pub(crate) start: u16,
     pub(crate) job: u16,
-    /// Next piece.
+    /// Number of the next piece, as the CP counts.
     pub(crate) piece: u16,
     pub(crate) len: u16,
     /// Area letter of the header; 0: a telegram without one.
@@ -193,7 +193,7 @@ macro_rules! receive_params {
 /// The received telegram or job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// Length in bytes.
+    /// Length of the telegram or job in bytes.
     pub len: u16,
     /// Area letter of the header; 0: a telegram without one.
     pub letter: u8,
@@ -206,10 +206,10 @@ pub struct Received {
 }
 
 /// One call of the block: sets NDR with the result, or ERROR with a STATUS, or neither, and BR. The outputs are valid
-/// for this call only. [reference 1.5]
+/// for this call only. [TIA help "PtP data link CP 341"]
 ///
 /// # Errors
-/// The call ends.
+/// [`Abort`] of a host function: the call ends at once.
 pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Received>, Abort> {
     let end = job(cx, params)?;
     let status = end.and_then(Result::err).unwrap_or(0);
@@ -261,7 +261,7 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
     };
     state.receive.keep(instance, now_ms, keeps);
     if resets && end.is_none() {
-        // "NDR and ERROR/STATUS are also output on reset, with LEN = 0". [reference 1.5]
+        // "NDR and ERROR/STATUS are also output on reset, with LEN = 0". [TIA help "PtP data link CP 341"]
         (memory.len, memory.letter, memory.number, memory.offset, memory.flag) = (0, 0, 0, 0, (NO_FLAG, 0));
         return Ok(Some(Ok(())));
     }
@@ -283,7 +283,7 @@ fn own(
         return Ok(None);
     }
     // The first call since the start-up of the CPU, or another instance has taken the channel: a job from before is
-    // cancelled. [reference 1.6]
+    // cancelled. [TIA help "Configuration for point-to-point links"]
     let cancelled = memory.phase.has_job();
     let Memory { reset, unreachable: told, rival, .. } = *memory;
     *memory = Memory { reset, ..Memory::default() };
@@ -382,7 +382,7 @@ impl Call<'_, '_> {
             _ => {}
         }
         if !takes {
-            // "The aborted job ends with an error"; R resets the block to its initial state. [reference 1.5]
+            // "The aborted job ends with an error"; R resets the block to its initial state.
             if had_job && reset {
                 self.begin(false)?;
             } else if self.memory.phase != Phase::Rest {
@@ -472,7 +472,7 @@ impl Call<'_, '_> {
         let Some(target) = target else { return self.refuse(Refusal::Area) };
         match target.check(self.cx, self.memory.len)? {
             Ok(()) => {}
-            // The program has named the data block: "wrong parameters can drive the CPU into STOP". [reference 1.0]
+            // The program has named the data block: "wrong parameters can drive the CPU into STOP".
             Err(refusal) if letter == 0 || letter == b'X' => {
                 let (db, at) = (self.memory.number, u32::from(self.memory.offset));
                 let refused = if refusal == Refusal::Db { ob1_sdk::Refused::NoDb } else { ob1_sdk::Refused::Outside };
@@ -490,7 +490,7 @@ impl Call<'_, '_> {
         Ok(None)
     }
 
-    /// The coordination flag is checked before any data are transferred. [reference 1.5]
+    /// The coordination flag is checked before any data are transferred. [TIA help "PtP data link CP 341"]
     fn locked(&mut self) -> Result<bool, Abort> {
         let (byte, bit) = self.memory.flag;
         if byte == NO_FLAG {
@@ -564,7 +564,7 @@ impl Call<'_, '_> {
             State::Done => {
                 let (byte, bit) = self.memory.flag;
                 if byte != NO_FLAG {
-                    // The program resets the flag when it has used the data. [reference 1.5]
+                    // The program resets the flag when it has used the data. [TIA help "PtP data link CP 341"]
                     let _without_such_a_byte = self.cx.set_bit(Area::Memory, u32::from(byte), bit as u8, true)?;
                 }
                 self.end(Ok(()))

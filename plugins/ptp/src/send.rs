@@ -1,8 +1,8 @@
 //! A block that gives a job to the CP: P_SEND and P_SND_RK send data of a DB, P_SND_RK also fetches data of the partner
-//! into a DB (RK 512), P_PRINT prints. [reference 1.1, 1.2]
+//! into a DB (RK 512), P_PRINT prints. [TIA help "PtP data link CP 341"]
 //!
 //! A job of LEN bytes takes LEN/32 calls, rounded up, to pass its data, one more to see that the CP has them, and one
-//! that reports the end: at least three. The start-up coordination takes one call before. [reference 1.0]
+//! that reports the end: at least three. The start-up coordination takes one call before.
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
@@ -12,17 +12,17 @@ use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
 use crate::channel::{self, Unreachable, next_start};
 use crate::state::{CpState, JOB_MS, called};
 
-/// STATUS: job aborted by restart or reset. [reference 3.14]
+/// STATUS: job aborted by restart or reset. (docs/cp341-events.md)
 pub(crate) const ABORTED: u16 = 0x1E0D;
-/// STATUS: WR_REC failed; RET_VAL is in SFCERR. [reference 3.14]
+/// STATUS: WR_REC failed; RET_VAL is in SFCERR. (docs/cp341-events.md)
 const WRITE_FAILED: u16 = 0x1E0F;
-/// STATUS: the CP has started again. [reference 3.7]
+/// STATUS: the CP has started again. (docs/cp341-events.md)
 pub(crate) const CP_RESTARTED: u16 = 0x0501;
-/// STATUS: another instance has a job at this CP. [reference 3.7]
+/// STATUS: another instance has a job at this CP. (docs/cp341-events.md)
 const BUSY: u16 = 0x0522;
-/// STATUS: the DB is missing or too short. [reference 3.5]
+/// STATUS: the DB is missing or too short. (docs/cp341-events.md)
 pub const DB_WRONG: u16 = 0x0301;
-/// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. [reference 3.14]
+/// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. (docs/cp341-events.md)
 pub const LEN_WRONG: u16 = 0x1E41;
 
 /// How long a block waits for a CP that does not answer: it may be starting. (ours)
@@ -78,7 +78,7 @@ pub(crate) struct Memory {
     absent_since: Option<u32>,
     pub(crate) start: u16,
     pub(crate) job: u16,
-    /// Next piece.
+    /// Number of the next piece for the CP.
     pub(crate) piece: u16,
     data: Data,
 }
@@ -223,25 +223,25 @@ macro_rules! send_params {
 
 /// The part in which the blocks differ.
 pub trait Job {
-    /// The parameters.
+    /// Where the block has the parameters that all of them share.
     const PARAMS: Params;
 
     /// Checks the parameters at the edge of REQ; with an inner error the job ends at once with this STATUS.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
     /// The location and length of the data of a job that starts now.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort>;
 
     /// The job for the CP; its length comes from [`begin`](Self::begin).
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn order(cx: &mut Cx<'_, CpState>) -> Result<ob1_words::channels::Job, Abort>;
 
     /// Whether the CPU passes data with the job.
@@ -252,7 +252,7 @@ pub trait Job {
     /// Reads a piece of the data that begins at byte `from`.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     fn read(cx: &mut Cx<'_, CpState>, data: Data, from: u16, into: &mut [u8]) -> Result<Result<(), u16>, Abort> {
         let at = u32::from(data.byte) + u32::from(from);
         match cx.read(Area::Db(data.db), at, into)? {
@@ -265,11 +265,11 @@ pub trait Job {
 /// The parameters that say where the data of a job are: DB_NO, DBB_NO and LEN.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// DB_NO.
+    /// DB_NO: number of the data block.
     pub db_no: Formal<Int, In>,
-    /// DBB_NO.
+    /// DBB_NO: first byte in it.
     pub dbb_no: Formal<Int, In>,
-    /// LEN, bytes.
+    /// LEN: bytes to send; 1 to `longest` is possible.
     pub len: Formal<Int, In>,
     /// The longest LEN that the CP takes.
     pub longest: i16,
@@ -279,7 +279,7 @@ impl Source {
     /// Whether LEN is possible; the STATUS if it is not.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     pub fn check(&self, cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         let is_possible = (1..=self.longest).contains(&cx.get(self.len)?);
         Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
@@ -288,7 +288,7 @@ impl Source {
     /// What the parameters say now.
     ///
     /// # Errors
-    /// The call ends.
+    /// [`Abort`] of a host function: the call ends at once.
     pub fn data(&self, cx: &mut Cx<'_, CpState>) -> Result<Data, Abort> {
         let (db, byte) = (cx.get(self.db_no)? as u16, cx.get(self.dbb_no)? as u16);
         Ok(Data { db, byte, len: cx.get(self.len)? as u16 })
@@ -298,19 +298,19 @@ impl Source {
 /// Location and length of the data of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Data {
-    /// Data block.
+    /// Number of the data block.
     pub db: u16,
     /// First byte in it.
     pub byte: u16,
-    /// Length in bytes.
+    /// Length of the data in bytes.
     pub len: u16,
 }
 
 /// One call of the block: sets DONE, or ERROR with a STATUS, or neither, and BR. The outputs are valid for this call
-/// only. SFCERR and the state between two calls are in the instance. [reference 1.2]
+/// only. SFCERR and the state between two calls are in the instance. [TIA help "PtP data link CP 341"]
 ///
 /// # Errors
-/// The call ends.
+/// [`Abort`] of a host function: the call ends at once.
 pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
     let end = job::<J>(cx)?;
     cx.set(J::PARAMS.done, end == Some(Ok(())))?;
@@ -357,7 +357,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
         None => run_job::<J>(cx, memory, laddr, state, edge)?,
     };
     state.send.keep(instance, now_ms, if memory.has_work() { JOB_MS } else { 0 });
-    // "DONE and ERROR/STATUS are also output for a RESET": with an error if it has ended a job. [reference 1.2]
+    // "DONE and ERROR/STATUS are also output for a RESET": with an error if it has ended a job.
     Ok(end.or(resets.then_some(Ok(()))))
 }
 
@@ -368,7 +368,7 @@ fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, 
         return None;
     }
     // The first call since the start-up of the CPU, or another instance has taken the channel: a job from before is
-    // cancelled. [reference 1.6]
+    // cancelled. [TIA help "Configuration for point-to-point links"]
     let cancelled = memory.has_work();
     memory.renew();
     if !claim.is_unused_but_by(instance) {
@@ -460,7 +460,7 @@ struct Wrong(u16);
 
 type Done = Result<Result<(), Unreachable>, Wrong>;
 
-/// R = 1: the block returns to its initial state; a job that the CP has completely is still executed. [reference 1.2]
+/// R = 1: the block returns to its initial state; a job that the CP has completely is still executed.
 fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
     let aborted = memory.has_work();
     (memory.latched, memory.absent_since) = (false, None);
@@ -556,8 +556,8 @@ fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &Block) -
     Ok(Ok(channel::write(cx, laddr, Channel::Send, &block)?))
 }
 
-/// "Wrong parameters can drive the CPU into STOP": causes the same events as a statement with this operand. [reference
-/// 1.0] If the program continues after OB 121, the job ends with this STATUS.
+/// "Wrong parameters can drive the CPU into STOP": causes the same events as a statement with this operand.
+/// [TIA help "PtP data link CP 341"] If the program continues after OB 121, the job ends with this STATUS.
 pub(crate) fn wrong_db(
     cx: &mut Cx<'_, CpState>,
     refused: Refused,

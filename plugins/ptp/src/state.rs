@@ -10,7 +10,7 @@ ob1_sdk::state! {
     pub struct CpState {
         /// P_SEND, P_SND_RK or P_PRINT: they share a channel.
         pub(crate) send: Claim,
-        /// P_RCV or P_RCV_RK.
+        /// P_RCV or P_RCV_RK: the block that has the receive channel.
         pub(crate) receive: Claim,
     }
 }
@@ -25,7 +25,7 @@ ob1_sdk::state! {
         pub(crate) start: Cell<u16>,
         /// The instance; 0: none since the start-up.
         owner: Cell<u64>,
-        /// Its calls.
+        /// Counts the calls of the owner; wraps around.
         pub(crate) calls: Cell<u16>,
         /// Time of its last call, ms.
         seen: Cell<u64>,

@@ -1,4 +1,4 @@
-//! The location where P_RCV_RK stores or reads data. [reference 1.5]
+//! The location where P_RCV_RK stores or reads data. [TIA help "PtP data link CP 341"]
 
 use ob1_sdk::{Abort, Area, Cx, Refused};
 
@@ -6,7 +6,8 @@ use ob1_words::channels::Refusal;
 
 use crate::state::CpState;
 
-/// Maximum number of bytes of timers and counters that a partner can fetch from a CP 341. [reference 1.5]
+/// Maximum number of bytes of timers and counters that a partner can fetch from a CP 341.
+/// [TIA help "PtP data link CP 341"]
 const TIMERS_MAX: u16 = 32;
 
 /// A location in the CPU.

@@ -1,4 +1,4 @@
-//! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [reference 2]
+//! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [TIA help "PtP data link CP 341"]
 //!
 //! They have no error output and do not change BR. The CP shows its signals in the first byte of its inputs and takes
 //! RTS and DTR from the first byte of its outputs.
@@ -35,14 +35,14 @@ interface! {
     pub mod set {
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// State for RTS.
+        /// State that the CP gives RTS.
         in     RTS: Bool;
-        /// State for DTR.
+        /// State that the CP gives DTR.
         in     DTR: Bool;
     }
 }
 
-/// FC 5.
+/// FC 5 V24_STAT: shows the signals of the CP.
 pub struct Stat;
 
 impl Block for Stat {
@@ -67,7 +67,7 @@ impl Block for Stat {
     }
 }
 
-/// FC 6.
+/// FC 6 V24_SET: sets RTS and DTR of the CP.
 pub struct Set;
 
 impl Block for Set {

@@ -14,7 +14,7 @@ pub enum Area {
     Input,
     /// Process image of the outputs.
     Output,
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     Memory,
     /// The data block of this number.
     Db(u16),
@@ -46,7 +46,7 @@ pub struct Instance {
     pub db: u16,
     /// First byte of this instance in the data block; 0 except for multi-instances.
     pub offset: u32,
-    /// Length in bytes.
+    /// Length of the instance in bytes.
     pub len: u32,
 }
 
@@ -84,7 +84,7 @@ impl<M> Cx<'_, M> {
     /// Reads the bit `byte.bit`.
     ///
     /// # Errors
-    /// As [`Cx::read`].
+    /// [`Abort`]; refused with `Outside`, `NoDb`, `DbNumber`, `NoParam` (see [`Cx::read`]).
     #[inline]
     pub fn bit(&mut self, area: Area, byte: u32, bit: u8) -> Reply<bool> {
         self.bit_at(area, byte.saturating_mul(8).saturating_add(u32::from(bit & 7)))
@@ -93,7 +93,7 @@ impl<M> Cx<'_, M> {
     /// Writes the bit `byte.bit`.
     ///
     /// # Errors
-    /// As [`Cx::write`].
+    /// [`Abort`]; refused as by [`Cx::read`], and with `ReadOnly`.
     #[inline]
     pub fn set_bit(&mut self, area: Area, byte: u32, bit: u8, value: bool) -> Reply<()> {
         self.set_bit_at(area, byte.saturating_mul(8).saturating_add(u32::from(bit & 7)), value)
@@ -115,7 +115,7 @@ impl<M> Cx<'_, M> {
     /// Reads a word, high byte first.
     ///
     /// # Errors
-    /// As [`Cx::read`].
+    /// [`Abort`]; refused with `Outside`, `NoDb`, `DbNumber`, `NoParam` (see [`Cx::read`]).
     #[inline]
     pub fn word(&mut self, area: Area, at: u32) -> Reply<u16> {
         let mut bytes = [0; 2];
@@ -125,7 +125,7 @@ impl<M> Cx<'_, M> {
     /// Writes a word, high byte first.
     ///
     /// # Errors
-    /// As [`Cx::write`].
+    /// [`Abort`]; refused as by [`Cx::read`], and with `ReadOnly`.
     #[inline]
     pub fn set_word(&mut self, area: Area, at: u32, value: u16) -> Reply<()> {
         self.write(area, at, &value.to_be_bytes())
@@ -198,7 +198,7 @@ impl<M> Cx<'_, M> {
     /// Reads bytes of an opaque instance variable, from its byte `at`.
     ///
     /// # Errors
-    /// As [`Cx::read`].
+    /// [`Abort`]; refused with `Outside` beyond the instance, `NoParam` in an FC.
     pub fn load_bytes<T: S7Type>(&mut self, variable: Static<T>, at: u32, into: &mut [u8]) -> Reply<()> {
         self.read(Area::Instance, (variable.bit_address() / 8).saturating_add(at), into)
     }
@@ -206,7 +206,7 @@ impl<M> Cx<'_, M> {
     /// Writes bytes of an opaque instance variable.
     ///
     /// # Errors
-    /// As [`Cx::write`].
+    /// [`Abort`]; refused with `Outside` beyond the instance, `NoParam` in an FC, `ReadOnly`.
     pub fn store_bytes<T: S7Type>(&mut self, variable: Static<T>, at: u32, from: &[u8]) -> Reply<()> {
         self.write(Area::Instance, (variable.bit_address() / 8).saturating_add(at), from)
     }

@@ -13,7 +13,7 @@ pub enum Kind {
     Ob = ob1_abi::KIND_OB,
     /// Function block: has an instance data block.
     Fb = ob1_abi::KIND_FB,
-    /// Function.
+    /// Function: a block without an instance.
     Fc = ob1_abi::KIND_FC,
     /// System function block: an FB built into the CPU.
     Sfb = ob1_abi::KIND_SFB,
@@ -31,7 +31,7 @@ impl Kind {
 
 /// A block in Rust. Implemented for a unit type; listed in [`crate::export_plugin!`].
 pub trait Block {
-    /// What it is.
+    /// Kind of the block: what the program calls it by, with `NUMBER`.
     const KIND: Kind;
     /// The number it wants; the station file may give it another.
     const NUMBER: u16;
@@ -45,7 +45,7 @@ pub trait Block {
     /// The plugin's memory per module, the same type for all its blocks; `()` for none. See [`Cx::module_state`].
     type Module: Zeroable;
 
-    /// Runs it.
+    /// Runs the block once, on the scan thread: it must not wait.
     ///
     /// # Errors
     /// [`Abort`], as the host gave it.

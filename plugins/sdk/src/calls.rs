@@ -19,9 +19,9 @@ pub enum Arg {
 /// The running organization block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObInfo {
-    /// Its number.
+    /// Number of the organization block.
     pub number: u16,
-    /// Its priority class.
+    /// Priority class of the organization block.
     pub priority: u8,
     /// Its start information, as in its local data.
     pub start: [u8; 20],
@@ -50,7 +50,7 @@ impl<M> Cx<'_, M> {
     /// Calls a system function.
     ///
     /// # Errors
-    /// As [`Cx::call_fc`].
+    /// [`Abort`]; refused with `NoBlock`, `BadArgument` beyond 64 arguments.
     pub fn call_sfc(&mut self, number: u16, args: &[Arg]) -> Reply<()> {
         self.call_block(abi::KIND_SFC, number, 0, args)
     }
@@ -58,7 +58,7 @@ impl<M> Cx<'_, M> {
     /// Calls a system function block on an instance data block.
     ///
     /// # Errors
-    /// As [`Cx::call_fb`].
+    /// [`Abort`]; refused with `NoBlock`, `NoDb`, `BadArgument` beyond 64 arguments.
     pub fn call_sfb(&mut self, number: u16, instance_db: u16, args: &[Arg]) -> Reply<()> {
         self.call_block(abi::KIND_SFB, number, instance_db, args)
     }
@@ -84,7 +84,7 @@ impl<M> Cx<'_, M> {
     /// The running organization block.
     ///
     /// # Errors
-    /// [`Abort`].
+    /// [`Abort`], if the CPU goes to STOP.
     pub fn ob_info(&mut self) -> Result<ObInfo, Abort> {
         let ((host, call), size) = (self.edge(), size_of::<abi::ObInfo>() as u32);
         let mut info = abi::ObInfo { size, ..Default::default() };

@@ -26,18 +26,18 @@ pub struct Cx<'a, M = ()> {
 pub enum Level {
     /// Something does not work.
     Error = abi::LOG_ERROR,
-    /// Something is odd.
+    /// Something is odd, and work goes on.
     Warn = abi::LOG_WARN,
-    /// Something happened.
+    /// Something happened, as it should.
     Info = abi::LOG_INFO,
 }
 
 /// The data blocks the caller has opened; 0 for none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Registers {
-    /// `AUF DB`.
+    /// The data block of `AUF DB`.
     pub db: u16,
-    /// `AUF DI`.
+    /// The data block of `AUF DI`.
     pub di: u16,
 }
 
@@ -118,7 +118,7 @@ impl<'a, M> Cx<'a, M> {
     /// The data blocks the caller has opened.
     ///
     /// # Errors
-    /// [`Abort`].
+    /// [`Abort`], if the CPU goes to STOP.
     pub fn registers(&mut self) -> Result<Registers, Abort> {
         let mut registers = abi::Registers { size: size_of::<abi::Registers>() as u32, ..Default::default() };
         // SAFETY: as in `get`; the size is set.
@@ -129,7 +129,7 @@ impl<'a, M> Cx<'a, M> {
     /// Sets the binary result the caller sees after the call; 1 unless set.
     ///
     /// # Errors
-    /// [`Abort`].
+    /// [`Abort`], if the CPU goes to STOP.
     pub fn set_br(&mut self, br: bool) -> Result<(), Abort> {
         // SAFETY: as in `get`.
         reply(unsafe { (self.host.set_br)(self.call, u8::from(br)) }).map(drop)
@@ -166,7 +166,7 @@ impl<'a, M> Cx<'a, M> {
     /// Writes an entry into the diagnostic buffer: a number of the plugin's own, and a text (at most 200 bytes).
     ///
     /// # Errors
-    /// [`Abort`].
+    /// [`Abort`], if the CPU goes to STOP.
     pub fn diag_entry(&mut self, number: u16, text: impl Display) -> Result<(), Abort> {
         let line = Line::of(text);
         // SAFETY: as in `stop`.

@@ -24,7 +24,7 @@ unsafe impl<const N: usize> Sync for Constant<[BlockDesc; N]> {}
 unsafe impl Sync for Constant<PluginTable> {}
 
 impl<T> Constant<T> {
-    /// Its address.
+    /// The address of the constant, for a table in C.
     pub const fn get(&'static self) -> *const T {
         &raw const self.0
     }

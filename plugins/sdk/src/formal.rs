@@ -2,16 +2,16 @@
 
 use core::marker::PhantomData;
 
-/// `VAR_INPUT`.
+/// Section `VAR_INPUT`: the block reads it.
 #[derive(Clone, Copy, Debug)]
 pub struct In;
-/// `VAR_OUTPUT`.
+/// Section `VAR_OUTPUT`: the block writes it.
 #[derive(Clone, Copy, Debug)]
 pub struct Out;
-/// `VAR_IN_OUT`.
+/// Section `VAR_IN_OUT`: the block reads and writes it.
 #[derive(Clone, Copy, Debug)]
 pub struct InOut;
-/// `RET_VAL`.
+/// `RET_VAL`, the function value: the block writes it.
 #[derive(Clone, Copy, Debug)]
 pub struct Return;
 

@@ -9,7 +9,7 @@ use crate::state::Zeroable;
 /// A module as the CPU sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModuleInfo {
-    /// Logical base address.
+    /// Logical base address, as LADDR gives it.
     pub address: u16,
     /// Bytes of its input registers.
     pub input_bytes: u16,
@@ -78,7 +78,7 @@ impl<M> Cx<'_, M> {
     /// it.
     ///
     /// # Errors
-    /// As [`Cx::io_read`].
+    /// [`Abort`](crate::Abort); refused as by [`Cx::io_read`].
     #[inline]
     pub fn io_write(&mut self, address: u32, from: &[u8]) -> Reply<()> {
         let (host, call) = self.edge();
@@ -97,10 +97,10 @@ impl<M> Cx<'_, M> {
         Ok(reply(status)?.map(|()| len.min(read as usize)))
     }
 
-    /// Writes a record.
+    /// Writes a whole record (data set) of the module.
     ///
     /// # Errors
-    /// As [`Cx::record_read`].
+    /// [`Abort`](crate::Abort); refused as by [`Cx::record_read`].
     pub fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `io_read`.

@@ -7,7 +7,7 @@ use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use std::panic::PanicHookInfo;
 
-/// Longest message kept.
+/// Longest message kept, in bytes; the rest is cut.
 const MESSAGE_BYTES: usize = 512;
 
 // The one place a plugin keeps outside the host's memory. It is written by the hook and read by the host after the

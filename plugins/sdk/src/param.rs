@@ -8,11 +8,11 @@ use crate::text::text;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Section {
-    /// `VAR_INPUT`.
+    /// `VAR_INPUT`: the block reads it.
     In = abi::SECTION_IN,
-    /// `VAR_OUTPUT`.
+    /// `VAR_OUTPUT`: the block writes it.
     Out = abi::SECTION_OUT,
-    /// `VAR_IN_OUT`.
+    /// `VAR_IN_OUT`: the block reads and writes it.
     InOut = abi::SECTION_IN_OUT,
     /// Instance data that is not a parameter.
     Static = abi::SECTION_STATIC,

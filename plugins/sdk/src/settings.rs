@@ -37,7 +37,7 @@ impl<M> Cx<'_, M> {
     /// The same for a text (UTF-8), copied into `into` and cut to its length.
     ///
     /// # Errors
-    /// As [`Cx::setting_int`].
+    /// [`Abort`](crate::Abort); refused as by [`Cx::setting_int`], a number instead of a text with `NoSetting`.
     pub fn setting_text<'b>(&mut self, address: u32, name: &str, into: &'b mut [u8]) -> Reply<&'b [u8]> {
         let Some(table) = self.settings() else { return Ok(Err(Refused::NoSetting)) };
         let ((_, call), mut read, len) = (self.edge(), 0, into.len());

@@ -9,15 +9,15 @@ use crate::reply::{Reply, reply};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum TimerKind {
-    /// `SI`: pulse.
+    /// `SI`, pulse: at most its time, while the input is 1.
     Pulse = abi::TIMER_PULSE,
-    /// `SV`: extended pulse.
+    /// `SV`, extended pulse: its whole time from an edge on.
     ExtendedPulse = abi::TIMER_EXTENDED_PULSE,
-    /// `SE`: on-delay.
+    /// `SE`, on-delay: its time after the edge, while the input is 1.
     OnDelay = abi::TIMER_ON_DELAY,
-    /// `SS`: retentive on-delay.
+    /// `SS`, retentive on-delay: its time after the edge, until it is reset.
     RetentiveOnDelay = abi::TIMER_RETENTIVE_ON_DELAY,
-    /// `SA`: off-delay.
+    /// `SA`, off-delay: its time after the input went to 0.
     OffDelay = abi::TIMER_OFF_DELAY,
 }
 
@@ -44,20 +44,20 @@ impl<M> Cx<'_, M> {
         reply(unsafe { (host.timer_run)(call, number, kind as u8, u8::from(rlo), s5time) })
     }
 
-    /// Resets a timer.
+    /// Stops a timer, as `R T` does: time and output are 0.
     ///
     /// # Errors
-    /// As [`Cx::timer_run`].
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no timer of this number.
     pub fn timer_reset(&mut self, number: u16) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `timer_run`.
         reply(unsafe { (host.timer_reset)(call, number) })
     }
 
-    /// Reads a timer.
+    /// Reads a timer without changing it.
     ///
     /// # Errors
-    /// As [`Cx::timer_run`].
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no timer of this number.
     pub fn timer(&mut self, number: u16) -> Reply<Timer> {
         let ((host, call), size) = (self.edge(), size_of::<abi::TimerInfo>() as u32);
         let mut info = abi::TimerInfo { size, ..Default::default() };
@@ -84,7 +84,7 @@ impl<M> Cx<'_, M> {
     /// Reads a counter as three BCD digits, as `LC` loads it.
     ///
     /// # Errors
-    /// As [`Cx::counter`].
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no counter of this number.
     pub fn counter_bcd(&mut self, number: u16) -> Reply<u16> {
         let digit = |value: u16, power: u16| value / power % 10;
         Ok(self.counter(number)?.map(|value| digit(value, 100) << 8 | digit(value, 10) << 4 | digit(value, 1)))
@@ -93,7 +93,7 @@ impl<M> Cx<'_, M> {
     /// Sets a counter, 0 to 999.
     ///
     /// # Errors
-    /// As [`Cx::counter`].
+    /// [`Abort`](crate::Abort); refused with `Outside`: there is no counter of this number.
     pub fn set_counter(&mut self, number: u16, value: u16) -> Reply<()> {
         let (host, call) = self.edge();
         // SAFETY: as in `timer_run`.

@@ -53,25 +53,25 @@ macro_rules! elementary {
 }
 
 elementary! {
-    /// `BOOL`.
+    /// `BOOL`, a single bit.
     Bool = BOOL: bool, |raw| raw != 0, |v| v as u32;
-    /// `BYTE`.
+    /// `BYTE`, eight bits without a meaning.
     Byte = BYTE: u8, |raw| raw as u8, |v| v as u32;
     /// `CHAR`, in the controller's code page.
     Char = CHAR: u8, |raw| raw as u8, |v| v as u32;
-    /// `WORD`.
+    /// `WORD`, 16 bits without a meaning.
     Word = WORD: u16, |raw| raw as u16, |v| v as u32;
-    /// `INT`.
+    /// `INT`, 16 bits with sign.
     Int = INT: i16, |raw| raw as i16, |v| v as u16 as u32;
-    /// `DWORD`.
+    /// `DWORD`, 32 bits without a meaning.
     DWord = DWORD: u32, |raw| raw, |v| v;
-    /// `DINT`.
+    /// `DINT`, 32 bits with sign.
     DInt = DINT: i32, |raw| raw as i32, |v| v as u32;
-    /// `REAL`.
+    /// `REAL`, IEEE 754 of 32 bits.
     Real = REAL: f32, |raw| f32::from_bits(raw), |v| v.to_bits();
     /// `S5TIME`: base and three BCD digits, as it is in a timer.
     S5Time = S5TIME: u16, |raw| raw as u16, |v| v as u32;
-    /// `TIME` in milliseconds.
+    /// `TIME` in milliseconds, with sign.
     Time = TIME: i32, |raw| raw as i32, |v| v as u32;
     /// `DATE` in days since 1990-01-01.
     Date = DATE: u16, |raw| raw as u16, |v| v as u32;
@@ -81,11 +81,11 @@ elementary! {
     BlockDb = BLOCK_DB: u16, |raw| raw as u16, |v| v as u32;
     /// A function block's number.
     BlockFb = BLOCK_FB: u16, |raw| raw as u16, |v| v as u32;
-    /// A function's number.
+    /// Number of a function (FC).
     BlockFc = BLOCK_FC: u16, |raw| raw as u16, |v| v as u32;
-    /// A timer's number.
+    /// Number of a timer (T).
     Timer = TIMER: u16, |raw| raw as u16, |v| v as u32;
-    /// A counter's number.
+    /// Number of a counter (C, Z).
     Counter = COUNTER: u16, |raw| raw as u16, |v| v as u32;
     /// A timer's number, given as a timer (`T2`) or as a WORD.
     TimerOrWord = TIMER_OR_WORD: u16, |raw| raw as u16, |v| v as u32;
@@ -106,9 +106,9 @@ macro_rules! composed {
 composed! {
     /// `DATE_AND_TIME`: 8 bytes BCD.
     DateAndTime = DATE_AND_TIME;
-    /// `POINTER`: 6 bytes.
+    /// `POINTER`, 6 bytes: data block and area pointer.
     Pointer = POINTER;
-    /// `ANY`: 10 bytes.
+    /// `ANY`, 10 bytes: type, count, data block and area pointer.
     Any = ANY;
 }
 

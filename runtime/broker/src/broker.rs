@@ -40,7 +40,7 @@ const EVENTS_WAITING: usize = 64;
 /// Packets that may wait for a link while documents are made for it: each can be many.
 const DOCUMENTS_WAITING: usize = 256;
 
-/// See [the crate](crate).
+/// The broker of one station: it owns every link's end, and runs on a thread of its own. See [the crate](crate).
 pub struct Broker {
     port: Port,
     feed: FeedEnd,

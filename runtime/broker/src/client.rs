@@ -29,7 +29,7 @@ impl Job {
     }
 }
 
-/// One client.
+/// A client of a link: its right, and its jobs in their order.
 #[derive(Debug)]
 pub(crate) struct Client {
     pub(crate) right: Right,

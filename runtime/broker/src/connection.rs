@@ -23,7 +23,7 @@ pub(crate) struct Connection {
     gone: Option<&'static str>,
 }
 
-/// What has come.
+/// What a look at the socket has brought.
 pub(crate) enum Received {
     Message(ToBroker),
     Nothing,
@@ -86,7 +86,7 @@ impl Connection {
         Received::Gone
     }
 
-    /// Sends what waits.
+    /// Sends the packets that wait, until the socket takes no more.
     pub(crate) fn flush(&mut self, now: Instant) {
         while let Some(packet) = self.outbox.front() {
             match handover::send(&self.socket, packet, &[]) {

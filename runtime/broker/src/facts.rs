@@ -11,16 +11,16 @@ use ob1_time::Span;
 /// A driver, and whether it is up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriverState {
-    /// The module's name.
+    /// Name of the module in the station file.
     pub name: String,
-    /// It is up.
+    /// Its process runs and gives signs of life.
     pub up: bool,
 }
 
 /// A link as others see it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkState {
-    /// Its name.
+    /// Name of the link in the station file.
     pub name: String,
     /// Its process is up.
     pub up: bool,
@@ -33,7 +33,7 @@ pub struct LinkState {
 pub enum Change {
     /// These blocks come in, in place of those of the same names.
     Link(Vec<(BlockId, Box<[u8]>)>),
-    /// These go.
+    /// These blocks are deleted, if they are there.
     Delete(Vec<BlockId>),
 }
 
@@ -42,19 +42,19 @@ pub type Changed = (u64, Result<(), Refusal>);
 
 /// What the broker needs to know of the station. Asked by its thread, never by the scan.
 pub trait Facts: Send {
-    /// The station's name.
+    /// Name of the station, from the station file.
     fn name(&self) -> &str;
-    /// 300 or 400.
+    /// Family of the CPU: 300 or 400.
     fn family(&self) -> u16;
     /// Bytes of inputs, outputs and bit memory.
     fn areas(&self) -> [u32; 3];
-    /// Timers and counters.
+    /// Number of timers, and number of counters.
     fn timers_and_counters(&self) -> [u16; 2];
-    /// Minimum cycle time.
+    /// Minimum cycle time; 0: none.
     fn min_cycle(&self) -> Span;
-    /// Modules.
+    /// Number of modules in the rack.
     fn modules(&self) -> u32;
-    /// The drivers.
+    /// The drivers of the station, each with its present state.
     fn drivers(&self) -> Vec<DriverState>;
     /// An entry of the diagnostic buffer in words.
     fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis;
@@ -114,6 +114,6 @@ pub struct LinkConfig {
     pub password_rights: Right,
     /// The keys of its table as JSON, without passwords.
     pub config: String,
-    /// Its listening sockets.
+    /// Its listening sockets, open and bound; its process gets them.
     pub listeners: Vec<OwnedFd>,
 }

@@ -6,18 +6,18 @@ use rtrb::{Consumer, Producer, RingBuffer};
 /// Entries under way. They are fetched every few milliseconds; what does not fit stays in the CPU's buffer until then.
 const RING: usize = 4 * DIAG_ENTRIES;
 
-/// The scan's end.
+/// The scan's end: it hands over entries and never waits.
 #[derive(Debug)]
 pub struct Feed {
     entries: Producer<DiagEntry>,
     sent: u64,
 }
 
-/// The other end.
+/// The broker's end: it takes the entries in their order.
 #[derive(Debug)]
 pub struct FeedEnd(Consumer<DiagEntry>);
 
-/// Both ends.
+/// Both ends of a new feed, for one CPU.
 #[must_use]
 pub fn feed() -> (Feed, FeedEnd) {
     let (entries, end) = RingBuffer::new(RING);

@@ -30,7 +30,7 @@ const RECORD: Duration = Duration::from_secs(5);
 pub struct Beats(Arc<AtomicU64>);
 
 impl Beats {
-    /// The number.
+    /// How many signs of life there were; only a change counts.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
@@ -71,7 +71,7 @@ struct Out {
     give_up: Instant,
 }
 
-/// What it is.
+/// What kind of job is under way, and what its answer needs.
 #[derive(Clone, Debug)]
 enum Kind {
     /// The place of each entry in the group of the client. Inputs that a module feeds are missing.
@@ -98,7 +98,7 @@ const fn cell(item: &PointItem) -> ob1_access::Cell {
     }
 }
 
-/// See above.
+/// A link as the broker sees it; see [the module](self).
 #[derive(Debug)]
 pub(crate) struct Joint {
     pub(crate) config: LinkConfig,
@@ -162,7 +162,7 @@ impl Joint {
         }))
     }
 
-    /// Its window.
+    /// Its window, for reading what the scan has put there.
     pub(crate) const fn window(&self) -> &WindowReader {
         &self.window
     }

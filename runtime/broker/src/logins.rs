@@ -27,7 +27,7 @@ const WAITING: usize = 32;
 /// Addresses that are remembered; the one that was quiet for longest is forgotten for another.
 const ADDRESSES: usize = 4096;
 
-/// Of an address.
+/// The failures of an address.
 #[derive(Clone, Copy, Debug)]
 struct Failures {
     count: u32,

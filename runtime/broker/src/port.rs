@@ -6,7 +6,7 @@ use ob1_access::door::{Answer, Refusal, Ticket};
 use ob1_cpu::{AccessClient, Answer as PortAnswer, Ask as PortAsk, Request};
 use ob1_time::Instant;
 
-/// Who has asked.
+/// Who has asked, and so gets the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Asker {
     pub(crate) link: usize,
@@ -34,7 +34,7 @@ impl Question {
     }
 }
 
-/// The port.
+/// The broker's end of the access port, with the questions under way.
 #[derive(Debug)]
 pub(crate) struct Port {
     client: AccessClient,

@@ -8,7 +8,7 @@ use ob1_model::{Area, BlockId, BlockKind, DebugOrder, Forced, ForcedArea};
 
 use crate::LinkConfig;
 
-/// Blocks in words.
+/// Blocks in words: `FC 1, DB 2`.
 pub(crate) fn list(ids: impl Iterator<Item = BlockId>) -> String {
     let mut text = String::new();
     for id in ids {

@@ -18,7 +18,7 @@ use crate::{Command, DiagEntry, ForceStep, InterruptError, ModuleStatus, Operati
 pub enum Ask {
     /// A change of the operating state.
     Command(Command),
-    /// The operating state.
+    /// Asks for the operating state.
     State,
     /// A diagnostic entry, counted back from the newest (0).
     Diag(u32),
@@ -48,35 +48,35 @@ pub enum Ask {
 pub enum Answer {
     /// The command is under way.
     Done,
-    /// The operating state.
+    /// The operating state at the cycle control point.
     State(OperatingState),
-    /// A diagnostic entry.
+    /// The diagnostic entry asked for.
     Diag(DiagEntry),
     /// Whether a hardware interrupt was taken.
     Interrupt(Result<(), InterruptError>),
-    /// A module's state.
+    /// Presence, starts and LEDs of a module.
     Module(ModuleStatus),
     /// The eight bytes of a DATE_AND_TIME.
     Clock([u8; 8]),
-    /// Refused.
+    /// Refused, for this reason; nothing was changed.
     Refused(CellError),
 }
 
 /// A request with the client's own number, which comes back with the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Any number.
+    /// A number of the client's choice; the CPU does not look at it.
     pub id: u32,
-    /// What is asked.
+    /// The command or question itself.
     pub ask: Ask,
 }
 
-/// An answer.
+/// An answer, with the number of its request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
-    /// The request's number.
+    /// Number of the request that it answers.
     pub id: u32,
-    /// The answer.
+    /// What the CPU says to it.
     pub answer: Answer,
 }
 
@@ -105,7 +105,6 @@ impl AccessClient {
     }
 }
 
-/// The CPU's end.
 #[derive(Debug)]
 pub(crate) struct AccessPort {
     requests: Consumer<Request>,

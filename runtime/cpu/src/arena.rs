@@ -67,9 +67,9 @@ impl ArenaBit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Range {
-    /// First byte.
+    /// Its first byte in the arena.
     pub at: ArenaByte,
-    /// Bytes.
+    /// Its length in bytes.
     pub len: u32,
 }
 
@@ -100,7 +100,7 @@ impl Range {
 pub struct Db {
     /// First byte in the arena.
     pub at: ArenaByte,
-    /// Bytes.
+    /// Its length in bytes.
     pub len: u32,
     /// Bytes that may be written: `len`, or 0 when write-protected.
     pub writable: u32,
@@ -109,7 +109,7 @@ pub struct Db {
 }
 
 impl Db {
-    /// All its bytes.
+    /// All bytes of the data block, those that cannot be written too.
     #[inline]
     #[must_use]
     pub const fn range(self) -> Range {

@@ -74,7 +74,7 @@ fn locate(m: &Machine, cell: Cell, width: Width, write: bool) -> Result<Option<A
     Ok(Some(byte.bit(at % 8)))
 }
 
-/// Reads a cell.
+/// Reads a cell, right-aligned; of a timer or counter a bit is what a scan gives, a word is time (BCD) or count.
 pub(crate) fn read(m: &mut Machine, cell: Cell, width: Width) -> Result<u32, CellError> {
     if let Some(at) = locate(m, cell, width, false)? {
         return Ok(m.memory.read_bits(at, width.bits()));
@@ -105,7 +105,7 @@ pub(crate) fn read(m: &mut Machine, cell: Cell, width: Width) -> Result<u32, Cel
     }
 }
 
-/// Writes a cell.
+/// Writes a cell, after all checks; an error changes nothing.
 pub(crate) fn write(m: &mut Machine, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
     check(m, cell, width, value)?;
     if let Some(at) = locate(m, cell, width, true)? {

@@ -166,7 +166,7 @@ impl ModuleSlot {
 pub struct CycleEnd {
     /// When the next cycle or the next interrupt by time is due. In the past or present: at once.
     pub next_deadline: Instant,
-    /// The state now.
+    /// The operating state after it.
     pub state: OperatingState,
     /// False when only interrupts were served because the next cycle was not due yet.
     pub whole: bool,

@@ -134,7 +134,7 @@ impl Cpu {
         self.machine.wanted = Some(command);
     }
 
-    /// The operating state.
+    /// The operating state at this moment.
     #[must_use]
     pub fn state(&self) -> OperatingState {
         self.state
@@ -168,7 +168,7 @@ impl Cpu {
         self.machine.enter(event, None, data, ShortText::new(text));
     }
 
-    /// The scan statistics.
+    /// The scan statistics since load, the running scan's statements included.
     #[must_use]
     pub fn statistics(&self) -> ScanStatistics {
         let statements = self.machine.statements + u64::from(self.machine.hot.pending);
@@ -202,7 +202,7 @@ impl Cpu {
         self.machine.fire_hardware_interrupt(&self.blocks, self.state, (ob, address, point))
     }
 
-    /// Number of modules.
+    /// Number of modules given at load.
     #[must_use]
     pub fn module_count(&self) -> usize {
         self.machine.modules.list.len()

@@ -45,7 +45,7 @@ impl ShortText {
         joined
     }
 
-    /// The text.
+    /// The text, at most as long as an entry has room for.
     #[must_use]
     pub fn as_str(&self) -> &str {
         std::str::from_utf8(&self.bytes[..usize::from(self.len)]).unwrap_or("")
@@ -64,14 +64,14 @@ impl fmt::Debug for ShortText {
     }
 }
 
-/// One entry.
+/// An entry of the diagnostic buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiagEntry {
     /// Counts all entries since the CPU was built, from 1.
     pub number: u64,
-    /// When.
+    /// When it happened, by the runtime's clock.
     pub time: Instant,
-    /// What.
+    /// What happened: the event and its number.
     pub event: Event,
     /// The statement, for errors of the program.
     pub site: Option<Site>,
@@ -79,7 +79,7 @@ pub struct DiagEntry {
     pub accus: [u32; 2],
     /// What the event is about: a block, timer or byte number, a module address, a time in milliseconds.
     pub data: u32,
-    /// More, in words.
+    /// More about it in words; empty: nothing.
     pub text: ShortText,
 }
 
@@ -177,7 +177,7 @@ impl DiagBuffer {
         self.kept[..self.stops].iter().rev().filter(|kept| kept.entry.number <= oldest).nth(back - DIAG_ENTRIES)
     }
 
-    /// Newest first.
+    /// All entries, newest first; then the kept STOPs.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &DiagEntry> {
         (0..DIAG_ENTRIES + DIAG_STOPS).map_while(|back| self.get(back))
     }

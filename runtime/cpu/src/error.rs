@@ -12,48 +12,48 @@ pub enum LoadError {
     Config {
         /// The field of [`crate::CpuConfig`].
         field: &'static str,
-        /// What was requested.
+        /// The value that was requested.
         value: u64,
-        /// Largest value.
+        /// The largest value allowed.
         max: u64,
     },
     /// L002: a block is defined twice, or both in the program and in a library or plugin.
     BlockTwice(BlockId),
     /// L003: a call of a block that is not there.
     MissingBlock {
-        /// Who is called.
+        /// The block that is called.
         block: BlockId,
-        /// The calling statement.
+        /// Where the calling statement stands.
         site: Site,
     },
     /// L004: a call whose arguments do not fit the called block's interface.
     Arguments {
-        /// Who is called.
+        /// The block that is called.
         block: BlockId,
-        /// The calling statement.
+        /// Where the calling statement stands.
         site: Site,
         /// What does not fit.
         reason: String,
     },
     /// L005: a data block is larger than 65534 bytes.
     DbTooLarge {
-        /// Its number.
+        /// Number of the data block.
         number: u16,
         /// Its length in bytes.
         bytes: usize,
     },
     /// L006: an instance data block is shorter than its function block's data, or belongs to no loaded one.
     Instance {
-        /// Its number.
+        /// Number of the instance data block.
         number: u16,
-        /// The function block.
+        /// The function block that it belongs to.
         block: BlockId,
     },
     /// L007: two modules overlap.
     ModuleOverlap {
-        /// The first.
+        /// Name of the first module.
         first: String,
-        /// The second.
+        /// Name of the second module.
         second: String,
         /// The first common byte.
         address: u32,
@@ -62,22 +62,22 @@ pub enum LoadError {
     },
     /// L008: a module reaches beyond peripheral byte 65535.
     ModuleAddress {
-        /// Its name.
+        /// Name of the module.
         name: String,
-        /// Its first byte.
+        /// Its first peripheral byte.
         address: u32,
     },
     /// L009: the intermediate code is not sound: a jump out of the block, a parameter that does not exist, brackets
     /// nested too deep.
     Code {
-        /// The statement.
+        /// Where the statement stands.
         site: Site,
-        /// What is wrong.
+        /// What is wrong, in words.
         reason: String,
     },
     /// L010: all data blocks together need more memory than the CPU can address (256 MiB).
     Memory {
-        /// Bytes needed.
+        /// Bytes that all data blocks need.
         bytes: usize,
     },
     /// L011: an impossible data block number.
@@ -86,18 +86,18 @@ pub enum LoadError {
     Retentive(u16),
     /// L013: all organization blocks and native blocks that can be nested need more than the largest stack.
     Stack {
-        /// Bytes needed.
+        /// Bytes of stack that are needed.
         bytes: usize,
         /// Organization blocks that can run at one time.
         obs: usize,
         /// Blocks nested in each.
         nesting: u8,
-        /// Bytes there are.
+        /// Bytes of stack that there can be.
         most: usize,
     },
     /// L014: the requested engine cannot run here.
     Engine {
-        /// Why.
+        /// What it lacks, in words.
         reason: String,
     },
 }

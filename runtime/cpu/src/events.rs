@@ -22,7 +22,7 @@ pub enum InterruptError {
     NoOb,
     /// The CPU is not in RUN.
     NotRunning,
-    /// Sixteen wait already.
+    /// Sixteen hardware interrupts wait already; this one is lost.
     Full,
 }
 

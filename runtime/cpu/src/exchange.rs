@@ -149,7 +149,7 @@ fn copy(bytes: &[u8], into: &[AtomicU64]) {
     last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
-/// To the CPU.
+/// What goes from a link to the CPU.
 enum Order {
     Watch(Box<Watch>),
     Group(Box<Group>),
@@ -161,7 +161,7 @@ enum Order {
     Forget(u64),
 }
 
-/// From the CPU.
+/// What goes from the CPU to a link.
 pub(crate) enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
@@ -177,7 +177,7 @@ pub(crate) enum Back {
 pub enum Returned {
     /// A group has landed or was refused. The newest snapshot contains it.
     Group(Box<Group>),
-    /// A list.
+    /// A system status list, or why there is none.
     List(Box<Listing>),
     /// A pass through a block, or why there is none.
     Pass(Box<PassJob>),
@@ -212,7 +212,7 @@ impl Link {
     /// `generation`.
     ///
     /// # Errors
-    /// [`TooMuch`].
+    /// [`TooMuch::Watch`] for more than a link's share; [`TooMuch::UnderWay`] while too many orders wait.
     pub fn watch(&mut self, generation: u64, frame: &Frame) -> Result<(), TooMuch> {
         if !fits_a_share(frame.pieces().iter().copied()) {
             return Err(TooMuch::Watch);
@@ -244,7 +244,7 @@ impl Link {
     /// Asks for a system status list; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn list(&mut self, listing: Listing) -> Result<(), TooMuch> {
         self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
     }
@@ -252,7 +252,7 @@ impl Link {
     /// Asks for a pass through a block; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn pass(&mut self, job: PassJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
@@ -260,7 +260,7 @@ impl Link {
     /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
@@ -268,7 +268,7 @@ impl Link {
     /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn forget(&mut self, id: u64) -> Result<(), TooMuch> {
         self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
@@ -276,7 +276,7 @@ impl Link {
     /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way.
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
     pub fn debug(&mut self, job: DebugJob) -> Result<(), TooMuch> {
         self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }

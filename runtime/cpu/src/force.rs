@@ -45,7 +45,7 @@ impl List {
     }
 }
 
-/// What is forced.
+/// What is forced, and what is to be forced from the next control point on.
 #[derive(Debug, Default)]
 pub(crate) struct Force {
     held: List,

@@ -52,7 +52,7 @@ impl DebugJob {
         self.id
     }
 
-    /// The answer.
+    /// The answer, once the job has come back.
     #[must_use]
     pub fn into_answer(self) -> DebugAnswer {
         self.answer
@@ -274,7 +274,7 @@ impl Machine {
         self.hot.now.saturating_add(self.held)
     }
 
-    /// The CPU's time.
+    /// The CPU's time: the clock without the time spent in HOLD.
     pub(crate) fn time(&self, clock: &mut dyn Clock) -> Instant {
         clock.now().saturating_sub(self.held)
     }

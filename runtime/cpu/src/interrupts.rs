@@ -18,7 +18,7 @@ const HARDWARE: usize = 21;
 const QUEUE: usize = 16;
 /// Diagnostic interrupts that can wait.
 const DIAGNOSES: usize = 16;
-/// No due time.
+/// A due time that never comes.
 pub(crate) const NEVER: Instant = Instant::NEVER;
 
 /// The slot of an organization block.
@@ -59,7 +59,7 @@ pub(crate) const fn priority_of(ob: u16) -> u8 {
 /// Intervals of OB 30 to 38 in milliseconds when nothing else is configured.
 pub(crate) const DEFAULT_MS: [u64; 9] = [5000, 2000, 1000, 500, 200, 100, 50, 20, 10];
 
-/// A hardware interrupt.
+/// A hardware interrupt that waits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Hardware {
     pub(crate) slot: u8,
@@ -67,7 +67,7 @@ pub(crate) struct Hardware {
     pub(crate) output: bool,
     pub(crate) address: u16,
     pub(crate) point: u32,
-    /// When it came.
+    /// When the module raised it.
     pub(crate) at: Instant,
 }
 
@@ -88,7 +88,7 @@ pub(crate) struct Delay {
     pub(crate) ms: u32,
 }
 
-/// A cyclic interrupt.
+/// The timing of one of OB 30 to 38.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cyclic {
     pub(crate) period: Span,
@@ -108,7 +108,7 @@ pub(crate) struct Passed {
     pub(crate) elapsed: u32,
 }
 
-/// All interrupts.
+/// All interrupts of a CPU: what is due and what waits.
 #[derive(Debug)]
 pub(crate) struct Interrupts {
     /// The CPU is in RUN: requests are served.

@@ -8,10 +8,10 @@ use ob1_time::Instant;
 pub const LOG_TEXT: usize = 200;
 const LINES: usize = 64;
 
-/// One line.
+/// A line that a block has logged.
 #[derive(Clone, Copy)]
 pub struct LogLine {
-    /// When.
+    /// When it was logged, by the runtime's clock.
     pub time: Instant,
     /// 1 error, 2 warning, 3 information.
     pub level: u8,
@@ -30,7 +30,7 @@ impl LogLine {
         Self { time, level, len: end as u8, bytes }
     }
 
-    /// The text.
+    /// The text, cut to [`LOG_TEXT`] bytes.
     #[must_use]
     pub fn text(&self) -> &str {
         std::str::from_utf8(&self.bytes[..usize::from(self.len)]).unwrap_or("")

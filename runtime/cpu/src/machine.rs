@@ -63,7 +63,7 @@ impl Attention {
     }
 }
 
-/// Cycle monitoring.
+/// Cycle monitoring of the running cycle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watchdog {
     /// When the running cycle is too long; `None`: not monitored.
@@ -124,7 +124,7 @@ pub(crate) struct Machine {
     pub(crate) cycle_start: Instant,
     /// When it went to STOP.
     pub(crate) stopped_at: Instant,
-    /// What is retentive.
+    /// Which memory is retentive.
     pub(crate) keep: Keep,
     /// Who called the native block that runs.
     pub(crate) native_caller: Option<Caller>,
@@ -138,16 +138,16 @@ pub(crate) struct Machine {
     pub(crate) at: Option<Caller>,
     /// While two engines are compared: what comes from outside, recorded or played back.
     pub(crate) tape: Option<Box<Tape>>,
-    /// Program status.
+    /// Program status: jobs that watch blocks.
     pub(crate) watching: Watching,
-    /// Breakpoints.
+    /// Breakpoints, and where the CPU holds.
     pub(crate) debugging: Debugging,
     /// In what it has gone to STOP.
     pub(crate) stacks: Stacks,
     /// How long it has been in HOLD: by so much its time is behind.
     pub(crate) held: Span,
     pub(crate) followers: Vec<Follower>,
-    /// Variable tables.
+    /// Variable tables: what is read and modified at points of the cycle.
     pub(crate) points: Points,
     /// Values that the operator holds.
     pub(crate) force: Force,
@@ -165,7 +165,7 @@ impl Machine {
         if too_deep { Event::BLOCKS_TOO_DEEP } else { Event::NO_LOCAL_DATA }
     }
 
-    /// Reads peripheral bytes.
+    /// Reads peripheral bytes at the module; with `peripheral_from_image` from the process image.
     pub(crate) fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), IoError> {
         if self.config.peripheral_from_image {
             let len = into.len() as u32;

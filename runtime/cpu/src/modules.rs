@@ -28,11 +28,11 @@ pub(crate) struct Plugged {
 pub(crate) enum IoError {
     /// No module has all of these bytes.
     NoModule,
-    /// The module's answer.
+    /// The module answers with this error.
     Module(ModuleError),
 }
 
-/// All modules.
+/// All modules of a CPU, in the order given at load.
 pub(crate) struct Modules {
     pub(crate) list: Vec<Plugged>,
 }

@@ -20,17 +20,17 @@ use crate::NativeBlock;
 pub struct Natives(Vec<Box<dyn NativeBlock>>);
 
 impl Natives {
-    /// Adds blocks.
+    /// Adds blocks; which numbers clash is found at load.
     pub fn extend(&mut self, others: impl Into<Natives>) {
         self.0.extend(others.into().0);
     }
 
-    /// Leaves blocks out.
+    /// Leaves out the blocks for which `keep` is false.
     pub fn retain(&mut self, keep: impl Fn(BlockId) -> bool) {
         self.0.retain(|block| keep(block.id()));
     }
 
-    /// All of them.
+    /// All blocks, in the order in which they were added.
     pub fn iter(&self) -> impl Iterator<Item = &dyn NativeBlock> {
         self.0.iter().map(|block| &**block as &dyn NativeBlock)
     }
@@ -41,7 +41,7 @@ impl Natives {
         self.iter().find(|block| block.id() == id)
     }
 
-    /// How many.
+    /// How many blocks there are.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()

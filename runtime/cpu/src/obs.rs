@@ -57,7 +57,7 @@ impl ObRecord {
         self.last.map_or(Span::ZERO, |(_, whole)| whole)
     }
 
-    /// A run begins.
+    /// A run begins; it was requested as long ago as it waited.
     pub(crate) fn begin(&mut self, now: Instant) {
         let requested = now.saturating_sub(std::mem::take(&mut self.waited));
         self.current = Some(Current { began: now, requested, paused: None, asked: false });

@@ -37,7 +37,7 @@ impl Group {
     /// A group of these writes, with the link's own number.
     ///
     /// # Errors
-    /// [`TooMuch::Group`].
+    /// [`TooMuch::Group`]: more writes or more bytes than a group may have.
     pub fn new(id: u64, puts: Vec<Put>) -> Result<Self, TooMuch> {
         let bytes = puts.iter().map(Put::bytes).sum();
         if puts.len() > GROUP_ENTRIES || bytes > WRITE_BYTES {
@@ -122,7 +122,7 @@ impl Listing {
     /// Length of a record, and the records; or why there are none.
     ///
     /// # Errors
-    /// What SFC 51 would answer.
+    /// [`StatusError`]: SZL_ID or INDEX is wrong, or the list is not available, as SFC 51 says it.
     pub fn found(&self) -> Result<(u16, &[u8]), StatusError> {
         self.found.map(|record| (record, self.bytes.as_slice()))
     }

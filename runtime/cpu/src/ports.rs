@@ -18,7 +18,7 @@ pub struct Mark {
     pub generation: u64,
     /// Counts the cycle control points, those in STOP included.
     pub scan: u64,
-    /// When.
+    /// When it was taken, by the runtime's clock.
     pub time: Instant,
     /// The operating state then.
     pub state: OperatingState,
@@ -78,7 +78,7 @@ pub struct ModuleEntry {
     pub number: u16,
     /// The event has come; otherwise a state that had come is gone.
     pub incoming: bool,
-    /// When.
+    /// When it was entered, by the runtime's clock.
     pub time: Instant,
 }
 
@@ -120,7 +120,7 @@ pub trait Module: Send {
     fn status(&self) -> ModuleStatus;
     /// Reads a record; returns its length. Record [`ob1_std::DP_DIAGNOSIS`] is the diagnosis of a DP slave.
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
-    /// Writes a record.
+    /// Writes a whole record to the module.
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError>;
     /// Whether the module's handling blocks exchange data by this record. No other block writes it.
     fn is_of_blocks(&self, _record: u8) -> bool {
@@ -143,7 +143,7 @@ pub enum NativeError {
     Abort,
     /// No such parameter, or of another kind.
     NoParam,
-    /// Outside the area.
+    /// The address lies outside the area.
     Outside,
     /// The data block does not exist.
     NoDb,
@@ -153,7 +153,7 @@ pub enum NativeError {
     ReadOnly,
     /// No module at this address.
     NoModule,
-    /// The module's answer.
+    /// The module answers with this error.
     Module(ModuleError),
     /// The block to call does not exist or its arguments do not match.
     NoBlock,
@@ -168,9 +168,9 @@ pub enum NativeArea {
     Input,
     /// Process image of the outputs.
     Output,
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     Memory,
-    /// A data block.
+    /// The data block with this number.
     Db(u16),
     /// The instance of the running FB.
     Instance,
@@ -181,7 +181,7 @@ pub enum NativeArea {
 /// An actual parameter of a call a native block makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NativeArg {
-    /// Not supplied.
+    /// No actual was supplied for this formal.
     Open,
     /// A value, right-aligned; timer, counter and block numbers too.
     Value(u32),
@@ -192,11 +192,11 @@ pub enum NativeArg {
 /// The running FB's instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instance {
-    /// Data block number.
+    /// Number of the instance data block.
     pub db: u16,
     /// First byte in it.
     pub offset: u32,
-    /// Bytes.
+    /// Length of the instance in bytes.
     pub len: u32,
 }
 
@@ -214,9 +214,9 @@ pub struct TimerState {
 /// The running organization block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ObInfo {
-    /// Its number.
+    /// Number of the organization block.
     pub number: u16,
-    /// Its priority class.
+    /// Priority class of the organization block.
     pub priority: u8,
     /// Start information as in its local data.
     pub start: [u8; 20],
@@ -302,7 +302,7 @@ pub trait NativeBlock: Send {
     fn id(&self) -> BlockId;
     /// Its name, for lists.
     fn name(&self) -> &str;
-    /// Its parameters.
+    /// Its parameters, and of an FB its instance data.
     fn interface(&self) -> &Interface;
     /// Brought by a plugin: the time of its calls is accounted for.
     fn is_plugin(&self) -> bool {

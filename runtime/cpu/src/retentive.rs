@@ -50,7 +50,7 @@ impl std::error::Error for Why {}
 /// What a piece of the image holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum What {
-    /// Bit memory.
+    /// Bytes of bit memory.
     Memory,
     /// A part of a data block of the program.
     Data,

@@ -131,7 +131,7 @@ impl Signals {
         &self.list[..self.used]
     }
 
-    /// Sets numbers free.
+    /// Sets numbers free for which `which` is true.
     pub(crate) fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
         let mut at = 0;
         while at < self.used {

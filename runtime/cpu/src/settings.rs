@@ -83,7 +83,7 @@ pub struct TimeOfDay {
     pub ob: u16,
     /// The first time. One that has passed counts as the origin of the period.
     pub start: Moment,
-    /// How often.
+    /// How often it comes after `start`.
     pub period: Period,
 }
 
@@ -95,9 +95,9 @@ pub struct Retentive {
     pub memory: Vec<std::ops::Range<u32>>,
     /// Timers. A running one continues with the time that was left.
     pub timers: Vec<std::ops::Range<u16>>,
-    /// Counters.
+    /// Counters, by their numbers.
     pub counters: Vec<std::ops::Range<u16>>,
-    /// Data blocks.
+    /// Data blocks, or bytes of them.
     pub data: RetentiveData,
 }
 
@@ -114,7 +114,7 @@ pub enum RetentiveData {
 /// A data block, or bytes of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DataRange {
-    /// The data block.
+    /// Number of the data block.
     pub db: u16,
     /// Bytes of it; `None`: all.
     pub bytes: Option<std::ops::Range<u32>>,

@@ -99,7 +99,7 @@ impl Cpu {
     /// the old program.
     ///
     /// # Errors
-    /// [`Watches`]; nothing has changed then.
+    /// [`Watches`]: a changed block is watched now. Nothing has changed then.
     pub fn succeed(&mut self, next: &mut Successor) -> Result<(), Watches> {
         let now = self.machine.hot.now;
         if let Some(block) = next.changed.iter().find(|block| self.machine.watching.watches(**block, now)) {

@@ -8,7 +8,7 @@ use ob1_time::{Instant, Span};
 
 use crate::TimerState;
 
-/// One timer.
+/// An S5 timer: its kind, its end, and what its edges were.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct Timer {
@@ -224,7 +224,7 @@ impl Timer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Counter {
-    /// 0 to 999.
+    /// Count value, 0 to 999.
     pub value: u16,
     /// RLO at the last `ZV`.
     pub up_rlo: bool,
@@ -237,10 +237,9 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// Largest value.
     pub(crate) const MAX: u16 = 999;
 
-    /// `ZV`.
+    /// `ZV`: counts up at an edge of the RLO, to 999 at most.
     pub fn up(&mut self, rlo: bool) {
         if rlo && !self.up_rlo && self.value < Self::MAX {
             self.value += 1;
@@ -248,7 +247,7 @@ impl Counter {
         self.up_rlo = rlo;
     }
 
-    /// `ZR`.
+    /// `ZR`: counts down at an edge of the RLO, to 0 at least.
     pub fn down(&mut self, rlo: bool) {
         if rlo && !self.down_rlo && self.value > 0 {
             self.value -= 1;
@@ -298,13 +297,13 @@ impl Counter {
         })
     }
 
-    /// `LC Z n`.
+    /// `LC Z n`: the value as three BCD digits.
     pub fn bcd(self) -> u16 {
         to_bcd(self.value)
     }
 }
 
-/// Three BCD digits.
+/// A value as three BCD digits.
 pub(crate) const fn to_bcd(value: u16) -> u16 {
     (value / 100 % 10) << 8 | (value / 10 % 10) << 4 | (value % 10)
 }

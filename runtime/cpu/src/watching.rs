@@ -21,7 +21,7 @@ const LEAST_LOAD: Span = Span::from_micros(100);
 const STATEMENT: Span = Span::from_nanos(100);
 /// How long a block counts as watched after a pass: whoever watches it live asks four times a second.
 const RECENT: Span = Span::from_millis(500);
-/// No statement.
+/// Stands for: no statement.
 const NONE: u32 = u32::MAX;
 
 /// How far a job is.
@@ -96,19 +96,19 @@ impl PassJob {
         self.id
     }
 
-    /// What was asked.
+    /// What was asked: which block, under which conditions.
     #[must_use]
     pub const fn order(&self) -> &PassOrder {
         &self.order
     }
 
-    /// The answer.
+    /// The answer so far: the pass with its lines.
     #[must_use]
     pub const fn pass(&self) -> &Pass {
         &self.pass
     }
 
-    /// The answer alone.
+    /// The answer alone, for whoever has asked.
     #[must_use]
     pub fn into_pass(self) -> Pass {
         self.pass
@@ -252,9 +252,9 @@ impl Watching {
 /// A block that an engine enters while there are jobs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entering {
-    /// Its index.
+    /// Its index among the blocks of the plan.
     pub(crate) block: u32,
-    /// Who calls it.
+    /// The block that calls it, and where; `None`: an organization block.
     pub(crate) caller: Option<Caller>,
     /// The number of this run.
     pub(crate) run: u32,

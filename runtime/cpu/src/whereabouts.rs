@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind, Site};
 pub(crate) struct Packed(u64);
 
 impl Packed {
-    /// No statement.
+    /// No statement at all.
     pub(crate) const NONE: Self = Self(0);
 
     pub(crate) fn of(site: Site) -> Self {
@@ -33,7 +33,7 @@ impl Packed {
 #[derive(Debug, Default)]
 pub struct Whereabouts {
     ob: AtomicU32,
-    /// [`Packed`].
+    /// The calling statement, as a [`Packed`].
     caller: AtomicU64,
 }
 

@@ -19,7 +19,7 @@ use std::fmt;
 
 use ob1_time::{Instant, Span};
 
-/// The supervisor's times.
+/// The times by which a supervisor judges a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
     /// A driver that is up and gives no sign of life for this long hangs and is killed. Default 1 s.
@@ -38,7 +38,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Those named above.
+    /// The defaults named at the fields.
     pub const DEFAULT: Self = Self {
         hang: Span::from_secs(1),
         start: Span::from_secs(5),
@@ -82,7 +82,7 @@ impl fmt::Display for Exit {
 /// Inputs of the supervisor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// Time has passed.
+    /// Time has passed, and nothing was heard.
     Tick,
     /// The requested process runs.
     Spawned,
@@ -119,9 +119,9 @@ pub enum Report {
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Step {
-    /// To do now.
+    /// What the owner must do now.
     pub request: Option<Request>,
-    /// To report.
+    /// What the CPU and the log must be told.
     pub report: Option<Report>,
     /// When to call with [`Input::Tick`] at the latest; `None`: only when something happens.
     pub deadline: Option<Instant>,
@@ -132,13 +132,13 @@ pub struct Step {
 enum State {
     /// No process; the next start is due at this time.
     Down { start_at: Instant },
-    /// [`Request::Spawn`] is out.
+    /// [`Request::Spawn`] is out, its outcome not known yet.
     Spawning,
     /// A process without a sign of life so far.
     Starting { silent: Silent },
-    /// At work.
+    /// It gives signs of life.
     Up { since: Instant, silent: Silent },
-    /// [`Request::Kill`] is out.
+    /// [`Request::Kill`] is out; the process has not ended yet.
     Killed,
     /// No start is wanted any more; the process may still be there.
     Stopped,
@@ -147,7 +147,7 @@ enum State {
 /// Since when there has been no sign of life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Silent {
-    /// In all.
+    /// Since the last sign, whatever the reason.
     since: Instant,
     /// And nothing kept the driver from giving one.
     freely_since: Instant,
@@ -167,11 +167,11 @@ impl Silent {
 /// What a caller may want to show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// No process.
+    /// There is no process.
     Down,
     /// A process that has not answered yet.
     Starting,
-    /// At work.
+    /// The process gives signs of life.
     Up,
 }
 

@@ -57,7 +57,7 @@ fn cpu_time() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
 }
 
-/// Statements per second.
+/// Statements per second of processor time, over about 60 ms.
 fn round(cpu: &mut Cpu, clock: &mut Still) -> Result<f64, String> {
     let (begin, before) = (cpu_time(), cpu.statistics().statements);
     while cpu_time() - begin < 0.06 {

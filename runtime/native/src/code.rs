@@ -10,7 +10,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 /// An empty memory file for code. It can be filled and sealed later, when the process may no longer make one.
 ///
 /// # Errors
-/// The system has no room for it.
+/// The system has no descriptor or no memory left.
 pub fn memory_file() -> io::Result<File> {
     // Without MFD_EXEC a system may refuse to execute it. Kernels before 6.3 do not know the flag.
     const EXEC: MemfdFlags = MemfdFlags::from_bits_retain(0x10);
@@ -59,12 +59,12 @@ impl CodeMemory {
         Ok(Self { address: address.cast_const().cast(), len: len.max(1) })
     }
 
-    /// Maps these bytes.
+    /// Maps these bytes through a memory file of their own.
     pub(crate) fn of(bytes: &[u8]) -> io::Result<Self> {
         Self::map(seal(memory_file()?, bytes)?.as_fd())
     }
 
-    /// The bytes.
+    /// All bytes of the mapping.
     pub(crate) fn bytes(&self) -> &[u8] {
         // SAFETY: mapped readable, as long as `self`; sealed, so that nobody can change them.
         unsafe { std::slice::from_raw_parts(self.address, self.len) }

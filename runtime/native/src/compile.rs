@@ -31,9 +31,9 @@ impl std::error::Error for CompileError {}
 pub enum Target {
     /// The one this runs on.
     Host,
-    /// x86-64.
+    /// x86-64, with the instructions that this processor has.
     X86_64,
-    /// AArch64.
+    /// AArch64, with no more than its base instructions.
     Aarch64,
 }
 
@@ -78,7 +78,7 @@ impl fmt::Debug for Compiler {
 }
 
 impl Compiler {
-    /// For a processor.
+    /// A compiler for this processor, in this tier.
     ///
     /// # Errors
     /// There is no code for it.
@@ -179,7 +179,7 @@ impl Compiler {
 /// What a block is compiled to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listing {
-    /// Cranelift's intermediate form.
+    /// Cranelift's intermediate form, as text.
     pub form: String,
     /// The machine code, as text.
     pub code: String,
@@ -196,7 +196,7 @@ pub struct Listing {
 /// The machine code of a statement. It need not be contiguous: rarely needed code is at the end of the block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StatementCode {
-    /// Its bytes.
+    /// Bytes of machine code that it has.
     pub bytes: u32,
     /// It as text, in the order of the code, each stretch with the name of the part of the code it lies in.
     pub lines: Vec<String>,

@@ -116,7 +116,7 @@ impl Numbers<'_> {
 /// Reads a file of code for this order; `statements` says how many each block has.
 ///
 /// # Errors
-/// What is wrong with it.
+/// Another version, another program, a damaged file, or statements that do not fit; in words.
 pub(crate) fn read(file: &[u8], order: &Order, statements: &[usize]) -> Result<Contents, String> {
     if file.len() < TABLE || !file.starts_with(MAGIC) {
         return Err("it is no code file of this version".into());

@@ -20,12 +20,12 @@ pub(crate) const RLO: Set = 1 << 4;
 pub(crate) const FC: Set = 1 << 5;
 pub(crate) const OR: Set = 1 << 6;
 pub(crate) const STA: Set = 1 << 7;
-/// CC1 and CC0.
+/// CC1 and CC0, which are always needed together.
 pub(crate) const CC: Set = 1 << 8;
 pub(crate) const OV: Set = 1 << 9;
 pub(crate) const OS: Set = 1 << 10;
 pub(crate) const BR: Set = 1 << 11;
-/// Open brackets.
+/// Open brackets: the nesting stack.
 pub(crate) const NEST: Set = 1 << 12;
 pub(crate) const ALL: Set = (1 << 13) - 1;
 /// The count of statements executed; no register of the CPU.
@@ -43,9 +43,9 @@ pub(crate) enum How {
     Plain,
     /// Compiled, after checks; if one fails, the reference runs the statement.
     Checked,
-    /// By the reference.
+    /// By the reference engine, one statement at a time.
     Step,
-    /// A call.
+    /// A call of another block.
     Call,
 }
 
@@ -303,7 +303,7 @@ pub(crate) struct Facts {
 }
 
 impl Facts {
-    /// Nothing.
+    /// Nothing is known: as at the begin of a block that is called.
     pub(crate) const NONE: Self = Self { fc: None, or: None, db: None, di: None };
 
     fn meet(self, other: Self) -> Self {

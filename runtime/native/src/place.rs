@@ -11,7 +11,7 @@ pub(crate) enum Class {
     Fixed(Option<u32>),
     /// There when checks pass.
     Checked,
-    /// By the reference.
+    /// Only the reference engine reaches it.
     Slow,
 }
 

@@ -3,9 +3,9 @@
 /// How much time compiling may take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tier {
-    /// Quickly: no optimisation.
+    /// Quickly, without optimisation: the first code of a station.
     Fast,
-    /// Optimised.
+    /// Optimised: runs faster, takes longer to make.
     #[default]
     Optimised,
 }

@@ -130,7 +130,7 @@ fn posture(files: &[PathBuf], json: bool) -> Exit {
     }
 }
 
-/// Checks and prints.
+/// Runs `ob1 check`: prints the findings, and says how it ended.
 #[must_use]
 pub fn check(args: &CheckArgs) -> Exit {
     if args.posture {

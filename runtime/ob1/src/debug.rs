@@ -49,7 +49,7 @@ pub struct DebugArgs {
     places: Vec<String>,
 }
 
-/// Runs the prompt.
+/// Runs the prompt of `ob1 debug` until it is left.
 #[must_use]
 pub fn debug(args: &DebugArgs) -> Exit {
     Session::run(args).unwrap_or_else(|error| {
@@ -61,7 +61,7 @@ pub fn debug(args: &DebugArgs) -> Exit {
 struct Session {
     client: Client,
     places: Vec<String>,
-    /// Where it holds.
+    /// Where the CPU holds; `None`: it runs.
     at: Option<DebugStatus>,
 }
 

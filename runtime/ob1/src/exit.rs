@@ -56,7 +56,7 @@ impl ExecExit {
         }
     }
 
-    /// In a word.
+    /// The end in a word, for `--stats`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -79,9 +79,9 @@ impl From<ExecExit> for std::process::ExitCode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum TestExit {
-    /// All tests passed.
+    /// All tests have passed.
     Passed = 0,
-    /// A test failed.
+    /// At least one test failed.
     Failed = 1,
     /// A test file or program cannot be used, or there is no test.
     Unusable = 2,
@@ -103,9 +103,9 @@ pub enum ImportExit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DiffExit {
-    /// The same program.
+    /// Both are the same program.
     Same = 0,
-    /// Another one.
+    /// They are different programs.
     Other = 1,
     /// One of them cannot be read.
     Nothing = 2,

@@ -30,7 +30,7 @@ struct Listed {
     folder: String,
 }
 
-/// Prints the stations.
+/// Runs `ob1 list`: prints the stations, and says how it ended.
 #[must_use]
 pub fn list(args: &ListArgs) -> Exit {
     let all: Vec<Listed> = rundir::running()

@@ -66,7 +66,7 @@ impl Words {
     }
 }
 
-/// Prints.
+/// Runs `ob1 print`: writes the document, and says how it ended.
 #[must_use]
 pub fn print(args: &PrintArgs) -> Exit {
     match run(args) {

@@ -32,7 +32,7 @@ pub struct RestartArgs {
     yes: bool,
 }
 
-/// Restarts.
+/// Runs `ob1 restart`, and says how it ended.
 #[must_use]
 pub fn restart(args: &RestartArgs) -> Exit {
     try_restart(args).unwrap_or_else(|error| {

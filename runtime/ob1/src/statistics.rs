@@ -18,7 +18,7 @@ pub const PERCENTILES: [(&str, f64); 6] =
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Percentile {
-    /// Its value.
+    /// Value of the percentile, known well enough.
     Known(u64),
     /// So many values are needed until [`BEYOND`] of them can be expected to lie beyond it.
     Needs(u64),
@@ -104,7 +104,7 @@ pub struct Slope {
     pub per_unit: f64,
     /// Lower bound (Sen's interval, from the variance of Kendall's S with its correction for ties).
     pub low: f64,
-    /// Upper bound.
+    /// Upper bound of the same interval.
     pub high: f64,
 }
 
@@ -161,7 +161,7 @@ pub struct Shift {
     pub shift: f64,
     /// Lower bound of its 95 % interval.
     pub low: f64,
-    /// Upper bound.
+    /// Upper bound of the same interval.
     pub high: f64,
     /// How often chance alone would make the samples differ so much, either way (Mann-Whitney, normal approximation,
     /// corrected for ties).
@@ -212,7 +212,7 @@ pub struct Ratio {
     pub ratio: f64,
     /// Lower bound of its 95 % interval (on the logarithm, after Katz).
     pub low: f64,
-    /// Upper bound.
+    /// Upper bound of the same interval.
     pub high: f64,
 }
 

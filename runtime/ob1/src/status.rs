@@ -87,7 +87,7 @@ pub fn status(args: &StatusArgs) -> Exit {
     })
 }
 
-/// One pass.
+/// Asks for one pass, and waits for it.
 pub(crate) fn ask(client: &mut Client, wanted: PassWanted) -> Result<PassStatus, AccessError> {
     let pass = client.ask(Op::Pass(wanted))?.pass;
     pass.map(|pass| *pass).ok_or_else(|| AccessError::Refused("the station knows no program status".to_owned()))

@@ -17,7 +17,7 @@ impl VirtualClock {
         Self { now: Instant::START, per_statement }
     }
 
-    /// The time now.
+    /// The virtual time now.
     #[must_use]
     pub const fn time(&self) -> Instant {
         self.now

@@ -41,7 +41,7 @@ pub struct WhyArgs {
     json: bool,
 }
 
-/// Answers.
+/// Runs `ob1 why`: prints the answers, and says how it ended.
 #[must_use]
 pub fn why(args: &WhyArgs) -> Exit {
     let asked = args.operand.join(" ");

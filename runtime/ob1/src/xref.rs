@@ -74,7 +74,7 @@ struct Asked {
     set: Mnemonics,
 }
 
-/// Prints the cross-reference.
+/// Runs `ob1 xref`: prints the cross-reference, and says how it ended.
 #[must_use]
 pub fn xref(args: &XrefArgs) -> Exit {
     let asked = match asked(args) {

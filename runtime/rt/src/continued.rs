@@ -18,7 +18,7 @@ impl Continued {
     /// Notes from now on, in times of this clock.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system does not take a handler for SIGCONT.
     pub fn watch(clock: MonotonicClock) -> io::Result<Self> {
         let noted = Self::default();
         let at = Arc::clone(&noted.0);

@@ -21,7 +21,7 @@ pub(crate) const SYNCHRONOUS: [c_int; 7] =
 
 /// Stack of the handler, in bytes.
 const HANDLER_STACK: usize = 64 * 1024;
-/// Bytes of text.
+/// Longest text of the last words, in bytes.
 const TEXT: usize = 1024;
 /// A fault so near to the stack pointer is an overflow of the stack, in bytes.
 const NEAR: usize = 64 * 1024;
@@ -55,7 +55,7 @@ impl LastWords {
     /// From now on a crash of any thread ends this way. What was set before is forgotten, not freed.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system does not take the handler for one of the signals.
     pub fn keep(self) -> io::Result<()> {
         WORDS.store(Box::into_raw(Box::new(self)), Ordering::Release);
         for signal in SYNCHRONOUS {
@@ -80,7 +80,7 @@ impl LastWords {
 /// is never freed: the scan thread ends with the process.
 ///
 /// # Errors
-/// What the system says.
+/// The system does not take the stack (sigaltstack(2)).
 pub fn take_handler_stack() -> io::Result<()> {
     let room = Box::leak(vec![0u8; HANDLER_STACK].into_boxed_slice());
     let stack = libc::stack_t { ss_sp: room.as_mut_ptr().cast(), ss_flags: 0, ss_size: room.len() };

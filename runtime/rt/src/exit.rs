@@ -84,7 +84,7 @@ pub fn end_now(code: i32) -> ! {
 /// From here on `signal` ends the process at once with this code, if it finds `armed` set.
 ///
 /// # Errors
-/// What the system says.
+/// The system does not take a handler for this signal.
 pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Result<()> {
     let end = move || {
         if armed.load(Ordering::SeqCst) {

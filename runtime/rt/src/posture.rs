@@ -10,7 +10,7 @@ use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_setaffinity, set
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// As requested.
+    /// Granted as it was requested.
     Granted,
     /// In part; see the text.
     Partly,

@@ -48,7 +48,7 @@ pub fn isolated_cores() -> Vec<usize> {
     line("/sys/devices/system/cpu/isolated").map(|text| core_list(&text)).unwrap_or_default()
 }
 
-/// `1,3-5`.
+/// A list of cores as the kernel writes it: `1,3-5`.
 fn core_list(text: &str) -> Vec<usize> {
     let number = |text: &str| text.trim().parse::<usize>().ok();
     let mut cores = Vec::new();

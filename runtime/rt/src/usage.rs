@@ -10,13 +10,13 @@ const TICK: Span = Span::from_millis(10);
 /// Memory of the process, in KiB, from `/proc/self/status`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
-    /// Resident (`VmRSS`).
+    /// Memory that is resident (`VmRSS`).
     pub resident_kib: u64,
     /// Highest resident so far (`VmHWM`).
     pub peak_kib: u64,
-    /// Locked (`VmLck`).
+    /// Memory that is locked (`VmLck`).
     pub locked_kib: u64,
-    /// Threads.
+    /// Number of threads of the process.
     pub threads: u64,
 }
 

@@ -83,7 +83,7 @@ impl BusView {
         }
     }
 
-    /// Its state now.
+    /// State of the bus and its couplers and slaves at this moment.
     #[must_use]
     pub fn status(&self) -> BusStatus {
         let look = BusLook::new(&self.memory, self.size);

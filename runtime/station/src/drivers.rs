@@ -9,9 +9,9 @@ use ob1_backplane::{DriverState, Monitor};
 /// How the drivers of a station are started.
 #[derive(Clone, Debug)]
 pub struct DriverSettings {
-    /// The program `ob1-cp`.
+    /// Path of the program `ob1-cp`.
     pub program: PathBuf,
-    /// The program `ob1-io`.
+    /// Path of the program `ob1-io`.
     pub io: PathBuf,
     /// Variables added to its environment.
     pub env: Vec<(OsString, OsString)>,
@@ -25,7 +25,7 @@ pub(crate) fn set_variable(name: &str) -> Option<OsString> {
 /// A driver program: named by its variable, beside this executable, or in `PATH`.
 ///
 /// # Errors
-/// Where it was looked for.
+/// The variable names a file that is not there, or the program is nowhere: where it was looked for, in words.
 pub fn find_driver(name: &str, variable: &str) -> Result<PathBuf, String> {
     if let Some(path) = set_variable(variable) {
         let path = PathBuf::from(path);
@@ -41,7 +41,7 @@ pub fn find_driver(name: &str, variable: &str) -> Result<PathBuf, String> {
 /// A program of this project: beside this executable, or in `PATH`.
 ///
 /// # Errors
-/// Where it was looked for.
+/// The program is nowhere: where it was looked for, in words.
 pub fn find_program(name: &str) -> Result<PathBuf, String> {
     let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(name)));
     let in_path = std::env::var_os("PATH").unwrap_or_default();

@@ -7,7 +7,7 @@ use ob1_arena::Arena;
 use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
-/// The requested engine.
+/// The engine that is asked for: `engine` in `[cpu]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
     /// The reference engine at once, and machine code as soon as a process of its own has made it
@@ -36,7 +36,7 @@ impl EngineChoice {
     /// The choice of a word on a command line: that of a station file, or `plain`.
     ///
     /// # Errors
-    /// Which words there are.
+    /// The word is none of these: the words there are, in one sentence.
     pub fn parse(word: &str) -> Result<Self, String> {
         let mut words = Self::WORDS.into_iter().chain([("plain", EngineChoice::Plain)]);
         words
@@ -154,7 +154,7 @@ impl InUse {
         self.1.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Its name.
+    /// Name of the engine that runs the program now.
     #[must_use]
     pub fn name(&self) -> &'static str {
         NAMES.get(usize::from(self.0.load(Ordering::Relaxed))).copied().unwrap_or(NAMES[0])

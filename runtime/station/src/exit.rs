@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Exit {
-    /// All is well.
+    /// The command did what was asked.
     Ok = 0,
     /// The command line is wrong, or `check` has found an error.
     Usage = 1,

@@ -83,7 +83,7 @@ pub fn write(path: &Path, content: &[u8]) -> io::Result<()> {
 /// The same as [`replace`] by way of this name, with these rights.
 ///
 /// # Errors
-/// As [`replace`].
+/// What the system says of writing or renaming, as with [`replace`]; `path` is then as it was.
 pub(crate) fn replace_by(beside: &Path, path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
     let written = fresh(beside, mode).and_then(|mut file| {
         file.write_all(content)?;

@@ -46,7 +46,7 @@ impl Level {
 /// One thing to report about a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// How bad.
+    /// How bad it is.
     pub level: Level,
     /// Its number: `S...` STL, `C...` station file, `L...` loading, `P...` plugins. Stable.
     pub code: String,
@@ -56,7 +56,7 @@ pub struct Finding {
     pub line: u32,
     /// Column from 1, in characters.
     pub column: u32,
-    /// What is wrong.
+    /// What is wrong, in one sentence.
     pub message: String,
     /// What to do about it; may be empty.
     pub remedy: String,
@@ -100,7 +100,7 @@ impl fmt::Display for Finding {
 pub struct Text<'a> {
     /// As it was named.
     pub file: &'a str,
-    /// Its content.
+    /// Its whole content, for lines and columns.
     pub text: &'a str,
 }
 
@@ -139,7 +139,7 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// A finding here.
+    /// A finding at this place.
     #[must_use]
     pub fn finding(&self, level: Level, code: &str, message: String, remedy: String) -> Finding {
         let Self { file, line, column, excerpt } = self;

@@ -15,7 +15,7 @@ use crate::files;
 const HEAD: &str = "ob1 force 1";
 const END: &str = "end";
 
-/// See [the module](self).
+/// What is forced, shared by all who read or change it; see [the module](self).
 #[derive(Clone, Debug)]
 pub struct Forces(Arc<Inner>);
 
@@ -36,7 +36,7 @@ pub fn path(folder: &Path, station: &str) -> PathBuf {
 /// What a file holds; nothing where there is none.
 ///
 /// # Errors
-/// Why it cannot be read.
+/// The file cannot be read, or its lines are not those of such a file; in words.
 pub fn read(path: &Path) -> Result<Vec<Forced>, String> {
     let text = match files::read_text(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),

@@ -70,7 +70,7 @@ impl Ward {
     /// This process, with its process I/O if it has any.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system gives no descriptor of this process, or no memory for the page.
     pub fn of_this_process(
         rundir: PathBuf,
         published: Vec<PathBuf>,
@@ -102,7 +102,7 @@ impl Guardian {
     /// Starts it, and the thread that watches it.
     ///
     /// # Errors
-    /// What the system says.
+    /// The process or the thread cannot be started; what the system says.
     pub fn start(ward: Ward) -> io::Result<Self> {
         Ok(Self { _watch: keep("ob1-guardian", vec![Kept::started(ward, TIMES)?], LOOK, END)? })
     }

@@ -39,7 +39,7 @@ pub(crate) trait Charge {
     /// Its signs of life so far.
     fn beats(&self) -> u64;
 
-    /// For the log.
+    /// Tells the log of a start, a loss or a hang.
     fn tell(&self, report: Report);
 
     /// For the log: why it cannot be started, once until it could be.
@@ -53,7 +53,7 @@ struct Process<H> {
     held: H,
 }
 
-/// See [the module](self).
+/// The process with its supervisor; see [the module](self).
 pub(crate) struct Kept<C: Charge> {
     charge: C,
     supervisor: Supervisor,
@@ -72,7 +72,7 @@ impl<C: Charge> Kept<C> {
     /// One that is started now.
     ///
     /// # Errors
-    /// What the system says.
+    /// The process cannot be started; what the system says.
     pub(crate) fn started(charge: C, times: Times) -> io::Result<Self> {
         let mut kept = Self::new(charge, times);
         kept.spawn()?;

@@ -26,7 +26,7 @@ const LANGUAGE_AT: usize = 4;
 pub struct Places(BTreeMap<BlockId, String>);
 
 impl Places {
-    /// Of a program.
+    /// The places of the blocks of a program; blocks without a source have none.
     #[must_use]
     pub fn new(program: &Program) -> Self {
         let file = |block: &CodeBlock| Some((block.id, program.sources.get(block.source as usize)?.clone()));
@@ -61,9 +61,9 @@ pub struct KnownProgram {
     pub names: Names,
     /// Where its blocks stand.
     pub places: Places,
-    /// Its blocks.
+    /// Its blocks, as links list them.
     pub blocks: Vec<BlockFact>,
-    /// The program itself.
+    /// The program that the CPU runs.
     pub program: Arc<Program>,
     /// Blocks it calls that are not its own.
     pub library: Arc<Library>,
@@ -75,7 +75,7 @@ pub struct KnownProgram {
     pub not_kept: Option<String>,
     /// Checksums of system data and of the program, each of 32 bits: another program has others.
     pub sums: [u32; 2],
-    /// See [`KnownProgram::cross_reference`].
+    /// Made when it is asked for first: see [`KnownProgram::cross_reference`].
     pub(crate) cross_reference: OnceLock<CrossReference<Arc<Program>>>,
     /// The document of its sources, made when it is asked for first.
     pub(crate) sources: OnceLock<String>,

@@ -38,7 +38,7 @@ impl Choice {
         Ok(Self { id, key: block.key(), offered: false })
     }
 
-    /// The block itself.
+    /// The block of the library; `None`: this version does not have it.
     pub(crate) fn block(&self) -> Option<StandardBlock> {
         standard_block(&self.key)
     }
@@ -47,14 +47,14 @@ impl Choice {
 /// What one word of the command line chooses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Chosen {
-    /// `FC4=IEC:FC4`.
+    /// One block with a number: `FC4=IEC:FC4`.
     Single(Choice),
     /// A library as a whole with the numbers STEP 7 gives: `IEC`.
     Library(Vec<Choice>),
 }
 
 impl Chosen {
-    /// `FC4=IEC:FC4`, or `IEC`.
+    /// Reads one word: `FC4=IEC:FC4`, or `IEC`.
     ///
     /// # Errors
     /// What is wrong, in one sentence.
@@ -155,11 +155,11 @@ pub fn merge(single: Vec<Choice>, libraries: Vec<Choice>) -> Result<Vec<Choice>,
 /// A number that two blocks want.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Clash {
-    /// The number.
+    /// The number that both want.
     pub id: BlockId,
     /// The block that came first.
     pub first: String,
-    /// The other one.
+    /// The block that came second.
     pub second: String,
 }
 

@@ -27,7 +27,7 @@ const END: Duration = Duration::from_secs(2);
 pub struct LinkSpec {
     /// The name of the link, for the log; of several links that of the process.
     pub name: String,
-    /// The program, `ob1-s7`.
+    /// Path of the program, `ob1-s7` or `ob1-gate`.
     pub program: PathBuf,
     /// Its links: the number of each at the broker, and its signs of life.
     pub doors: Vec<(usize, Beats)>,

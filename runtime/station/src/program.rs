@@ -31,13 +31,13 @@ use crate::{
 /// What a station's files give.
 #[derive(Debug)]
 pub struct Loaded {
-    /// The program.
+    /// The program of all sources.
     pub program: Program,
     /// The plugins and the renumbering of their blocks.
     pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
     /// Standard blocks of libraries.
     pub standard: Vec<Choice>,
-    /// Warnings and lints.
+    /// Warnings and lints: errors give no program.
     pub findings: Vec<Finding>,
     /// Blocks that have a name only, with the numbers they were given.
     pub numbers: Vec<Numbered>,
@@ -55,7 +55,7 @@ pub enum LoadFailure {
 }
 
 impl LoadFailure {
-    /// What was found.
+    /// What was found: at least one error.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         match self {
@@ -79,7 +79,7 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 /// Loads plugins and compiles the sources of a station.
 ///
 /// # Errors
-/// [`LoadFailure`], with everything that was found.
+/// [`LoadFailure`]: plugins or sources are rejected, with everything that was found.
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
     let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;
@@ -288,9 +288,9 @@ pub fn library(
 /// A compiled program and what is to be reported about it.
 #[derive(Debug)]
 pub struct Compiled {
-    /// The program.
+    /// The program of all sources.
     pub program: Program,
-    /// Warnings and lints.
+    /// Warnings and lints: errors give no program.
     pub findings: Vec<Finding>,
     /// Blocks that have a name only, with the numbers they were given.
     pub numbers: Vec<Numbered>,

@@ -171,7 +171,7 @@ pub(crate) const fn code(code: u8) -> (&'static str, &'static str) {
     }
 }
 
-/// `07h`, `0708h`.
+/// A number as the manuals write it: `07h`, `0708h`.
 pub(crate) fn number_text(number: u16) -> String {
     if number > CODE_MAX { format!("{number:04X}h") } else { format!("{number:02X}h") }
 }

@@ -35,20 +35,20 @@ pub enum RunDirError {
     /// The station runs already.
     #[error("the station \"{name}\" runs already, as process {pid} (directory {})", .path.display())]
     Running {
-        /// The station.
+        /// Name of the station.
         name: String,
         /// Its process, as it says itself.
         pid: String,
-        /// Its directory.
+        /// Directory of the station that runs.
         path: PathBuf,
     },
     /// The directory belongs to somebody else or is open to others.
     #[error("{} is not a directory that only this user can use; remove it, or set XDG_RUNTIME_DIR", .0.display())]
     Foreign(PathBuf),
-    /// The system refused.
+    /// The system refused to make, lock or write it.
     #[error("runtime directory {}: {source}", .path.display())]
     Io {
-        /// What was touched.
+        /// The path that was touched.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
@@ -134,7 +134,7 @@ impl RunDir {
     /// Makes the directory of a station, or takes over what a dead runtime has left.
     ///
     /// # Errors
-    /// [`RunDirError`].
+    /// [`RunDirError`]: the station runs already, or no directory can be made or is safe to use.
     pub fn claim(name: &str) -> Result<Self, RunDirError> {
         let mut last = None;
         for base in bases() {
@@ -149,7 +149,7 @@ impl RunDir {
     /// The same below a given directory.
     ///
     /// # Errors
-    /// [`RunDirError`].
+    /// [`RunDirError`]: the station runs already, or the directory cannot be made or is not safe to use.
     pub fn claim_in(base: &Path, name: &str) -> Result<Self, RunDirError> {
         let path = base.join(name);
         for _ in 0..ATTEMPTS {
@@ -180,7 +180,7 @@ impl RunDir {
         file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(at(&self.path))
     }
 
-    /// The directory.
+    /// The directory of this station.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -195,7 +195,7 @@ impl RunDir {
     /// Publishes `target` (a `/proc/PID/fd/N`) under a name.
     ///
     /// # Errors
-    /// What the system says.
+    /// [`RunDirError::Io`]: there is something of this name, or the directory is gone.
     pub fn link(&mut self, name: impl AsRef<OsStr>, target: &Path) -> Result<(), RunDirError> {
         let link = self.path.join(name.as_ref());
         std::os::unix::fs::symlink(target, &link).map_err(at(&link))?;

@@ -35,7 +35,7 @@ const REGISTER_BYTES: usize = 16;
 /// Adds the process that is the line.
 ///
 /// # Errors
-/// What the system says, as text.
+/// The folder of its socket or its memory cannot be made; what the system says, with the name of the line.
 pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &DriverSettings) -> Result<(), String> {
     let system = |error: &dyn std::fmt::Display| format!("simulated line {}: {error}", line.name);
     // The process creates its files in this folder, but not the folder.

@@ -22,7 +22,7 @@ pub struct SourceView {
 /// A line: its number, its network, its text, symbols; see [`BlockText::lines`].
 pub type TextLine = (u32, u16, String, Vec<String>);
 
-/// A block.
+/// The text of a block.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct BlockText {
     /// The file of its source; empty: it is printed from its statements.

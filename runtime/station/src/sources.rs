@@ -10,9 +10,9 @@ use crate::library::Choice;
 /// What is compiled together, and how it is read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sources {
-    /// The sources.
+    /// Source files, in the order in which they are compiled.
     pub files: Vec<PathBuf>,
-    /// Symbol tables.
+    /// Symbol tables, by their files.
     pub symbols: Vec<PathBuf>,
     /// Blocks in machine code.
     pub mc7: Vec<PathBuf>,

@@ -34,21 +34,21 @@ pub const EVENTS_LOST: &str = "events_lost";
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
 pub struct StationView {
-    /// The station's name.
+    /// Name of the station.
     pub name: String,
     /// The family of its CPU.
     pub family: Family,
-    /// Its program.
+    /// The program that runs now, and what is known of it.
     pub known: Known,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
-    /// Its buses.
+    /// Its buses, in the order of the station file.
     pub buses: Vec<BusView>,
     /// The inputs of its process I/O modules.
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
-    /// What is forced.
+    /// What is forced, and may be changed here.
     pub forces: Forces,
     /// Where changes of the program are ordered, once the station is at work.
     pub loads: Arc<OnceLock<Loads>>,
@@ -67,13 +67,13 @@ pub struct StationView {
 /// A module, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
 pub struct ModuleView {
-    /// Its name.
+    /// Name of the module in the station file.
     pub name: String,
     /// Which communication processor it is; none for process I/O.
     pub cp: Option<CpKind>,
     /// Its type, as in the station file.
     pub type_name: &'static str,
-    /// Its first byte.
+    /// Its first byte: logical base address.
     pub address: u32,
     /// Process inputs and outputs: first byte and how many.
     pub channels: [[u32; 2]; 2],
@@ -270,7 +270,7 @@ impl StationView {
     }
 }
 
-/// `4302h`.
+/// Number of an event: `4302h`.
 pub(crate) fn event_number(event: u16) -> String {
     format!("{event:04X}h")
 }

@@ -57,7 +57,8 @@ impl Tap {
         self.hear(now);
         if byte == STX && self.state == State::Data && self.payload.is_empty() {
             if self.answering || self.begun == now {
-                // A repeated request: it was sent before the DLE to the first one could be received. [reference 5.4]
+                // A repeated request: it was sent before the DLE to the first one could be received.
+                // [TIA help "Configuration for point-to-point links"]
                 self.asked_again = true;
                 return None;
             }

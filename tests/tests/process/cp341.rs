@@ -20,7 +20,7 @@ const ACROSS: u64 = 1000;
 /// Events of the diagnostic buffer.
 const WATCHDOG: &str = "3501h";
 const DRIVER_LOST: &str = "F201h";
-/// STATUS of P_RCV_RK: the character delay time has expired within a block. [reference 3.10]
+/// STATUS of P_RCV_RK: the character delay time has expired within a block. (docs/cp341-events.md)
 const CHARACTER_DELAY: i64 = 0x0806;
 
 /// The example on simulated lines instead of ptys.

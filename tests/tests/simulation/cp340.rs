@@ -1,6 +1,6 @@
 //! The CP 340 in virtual time: the pair of `examples/cp340-pair`; CP 340 with CP 340 and with CP 341, all boundary
 //! lengths in both directions, over 3964(R) and ASCII, compared byte by byte; aborts by R and EN_R; the receive buffer;
-//! errors of the partner. [reference 3.7 to 3.10], [CP 340 manual 04/2011]
+//! errors of the partner. (docs/cp341-events.md), [CP 340 manual 04/2011]
 
 use std::fs;
 

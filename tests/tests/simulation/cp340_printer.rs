@@ -1,5 +1,5 @@
 //! The printer driver of a CP 340 and a CP 341 in virtual time: STL program with P_PRINT (P_PRT341), the CP, and a
-//! printer on its line that records every byte. [reference 1.8], `docs/cp340-printer.md`
+//! printer on its line that records every byte. [TIA help "PtP data link CP 341"], `docs/cp340-printer.md`
 
 use std::fs;
 
@@ -196,7 +196,7 @@ fn a_misprint_is_printed_and_told() {
     }
 }
 
-/// Invalid pointers: nothing is printed. [reference 3.14]
+/// Invalid pointers: nothing is printed. (docs/cp341-events.md)
 #[test]
 fn wrong_pointers() {
     for kind in KINDS {
@@ -231,7 +231,7 @@ fn wrong_pointers() {
     }
 }
 
-/// P_PRINT works only with the printer driver. [reference 3.7, 0502h]
+/// P_PRINT works only with the printer driver. (0502h)
 #[test]
 fn other_protocols_do_not_print() {
     for kind in KINDS {

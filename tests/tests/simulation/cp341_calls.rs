@@ -1,6 +1,6 @@
 //! FB 7 and FB 8 in all kinds of call: with instance data blocks and as multi-instances of a calling FB (and of the FB
 //! that calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the compiler, two
-//! whole stations over two cables in virtual time. [reference 1.0]
+//! whole stations over two cables in virtual time. [CP 341 manual 09/2008, p. 178]
 
 use std::fs;
 

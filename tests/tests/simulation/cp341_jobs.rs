@@ -1,5 +1,5 @@
 //! Jobs of P_SND_RK over RK 512 as a table, between two CP 341 in virtual time: the results of P_SND_RK and of
-//! P_RCV_RK. [reference 1.3, 1.5, 3, 4.6]
+//! P_RCV_RK. [TIA help "PtP data link CP 341"] (docs/cp341-events.md)
 //!
 //! Station A gives the jobs in DB 60 one after the other and writes their results to DB 61; station B writes the
 //! reports of P_RCV_RK to DB 71.

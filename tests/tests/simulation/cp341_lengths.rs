@@ -1,6 +1,6 @@
 //! Two whole CP 341 stations in virtual time, all boundary lengths, and random ones: 3964R, RK 512 SEND to D and X,
 //! FETCH of every area up to its limit and one beyond it, odd offsets and lengths, coordination flag. For each job the
-//! whole data blocks on both sides and the outputs of both blocks are compared. [reference 1.2 to 1.5, 4.6, 4.8]
+//! whole data blocks on both sides and the outputs of both blocks are compared. [TIA help "PtP data link CP 341"]
 //!
 //! Both stations have the same program, controlled by the test. DB 60 has the parameters of P_SND_RK, DB 61 the outputs
 //! of P_RCV_RK. DB 10 has the data to send, DB 12 the fetched data; the partner accesses DB 31 (512 bytes), DB 32 and
@@ -434,7 +434,7 @@ fn every_boundary_as_fetch_of_d() {
 }
 
 /// A CPU with a cycle of 100 ms needs 13 s for 4096 bytes: it is slow, but the transfer is not aborted after 10 s as if
-/// the CPU took nothing. [reference 1.7]
+/// the CPU took nothing. [TIA help "PtP data link CP 341"]
 #[test]
 fn a_slow_cpu_is_waited_for() {
     run_at("100ms", "3964r-rk512", [vec![send('D', 4096), fetch(4096)], vec![]]);
@@ -477,7 +477,7 @@ fn random_jobs_in_both_directions() {
 }
 
 /// Up to the limit of each area, and one beyond it: bit memory has 256 bytes here, inputs and outputs 128, timers and
-/// counters 256, of which a CP 341 gives 16. [reference 1.5, 4.8]
+/// counters 256, of which a CP 341 gives 16. [TIA help "PtP data link CP 341"]
 #[test]
 fn every_area_to_its_limit_and_beyond() {
     let mut jobs = Vec::new();

@@ -15,7 +15,8 @@ use ob1_time::{Instant, Span};
 /// Delay before the slave answers.
 const THINKS: Span = Span::from_millis(20);
 
-/// The diagnostic entries of the CP at its start: the CPU is in RUN, the parameters are accepted. [reference 3.2]
+/// The diagnostic entries of the CP at its start: the CPU is in RUN, the parameters are accepted.
+/// (docs/cp341-events.md)
 const STARTED: &[u16] = &[0x0008, 0x0003];
 
 /// A change of an answer.

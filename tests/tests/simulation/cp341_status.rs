@@ -1,13 +1,13 @@
 //! Every number of 3964(R) and RK 512 that a partner can cause, with a whole CP 341 in virtual time: STL program,
 //! handling blocks, CP and line are real, the partner is written here from the manual's description. Checks STATUS of
-//! P_SND_RK and P_RCV_RK, and the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
+//! P_SND_RK and P_RCV_RK, and the CP's diagnostic buffer. (docs/cp341-events.md)
 
 use ob1_tests::sim::{MS, SECOND};
 
 use crate::cp341_status_site::Report::{Error, Ndr};
 use crate::cp341_status_site::*;
 
-/// [reference 3.9]: STATUS is the first error of the job; 0709h or 070Ah is entered after it.
+/// STATUS is the first error of the job; 0709h or 070Ah is entered after it. (docs/cp341.md)
 const SENDING: &[(Manner, u16, &[u16])] = &[
     (Manner::ToStx(&[NAK]), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
     (Manner::ToStx(b"A"), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
@@ -34,7 +34,7 @@ fn what_fails_while_sending() {
     }
 }
 
-/// The same below RK 512: "the procedure error was entered in STATUS immediately before". [reference 3.7, 051Ah]
+/// The same below RK 512: "the procedure error was entered in STATUS immediately before". (051Ah)
 #[test]
 fn what_fails_below_rk_512() {
     for (manner, _, entries) in SENDING {
@@ -45,7 +45,7 @@ fn what_fails_below_rk_512() {
     }
 }
 
-/// Errors of a sending partner: its blocks, the entries, STATUS of P_RCV_RK. [reference 3.10, 5.4]
+/// Errors of a sending partner: its blocks, the entries, STATUS of P_RCV_RK. (docs/cp341-events.md)
 #[test]
 fn what_fails_while_receiving() {
     let (good, bad) = (block(b"123"), spoilt(b"123"));
@@ -72,7 +72,8 @@ fn what_fails_while_receiving() {
     }
 }
 
-/// A partner that abandons its block sends NAK: its next block is not a repetition. [reference 5.3]
+/// A partner that abandons its block sends NAK: its next block is not a repetition.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_new_telegram_is_no_repetition() {
     let mut site = Site::new("3964r", "");
@@ -90,7 +91,7 @@ fn a_new_telegram_is_no_repetition() {
 }
 
 /// A meaningless character: NAK when the line is silent. It is not reported as an error of the next telegram.
-/// [reference 5.4]
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_character_in_idle() {
     let mut site = Site::new("3964r", "");
@@ -105,7 +106,7 @@ fn a_character_in_idle() {
     assert_eq!(site.reports, [Error(0x0808)]);
 }
 
-/// [reference 1.2, 5]: "Data that already reached the CP is still transmitted to the partner."
+/// [TIA help "PtP data link CP 341"]: "Data that already reached the CP is still transmitted to the partner."
 #[test]
 fn what_the_cp_has_is_sent_in_spite_of_r() {
     let mut site = Site::new("3964r", "");
@@ -127,7 +128,7 @@ fn what_the_cp_has_is_sent_in_spite_of_r() {
 }
 
 /// EN_R = 0 while a telegram is being passed: the transfer fails, the CP keeps the telegram and passes it again.
-/// [reference 1.7]
+/// [TIA help "PtP data link CP 341"]
 #[test]
 fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
     let mut site = Site::new("3964r", "");
@@ -206,7 +207,7 @@ fn nobody_takes_it() {
     assert!(site.reports.is_empty());
 }
 
-/// A missing target: the block reports it in each attempt, and the telegram is not lost. [reference 1.7, 040Ah]
+/// A missing target: the block reports it in each attempt, and the telegram is not lost. (040Ah)
 #[test]
 fn a_target_that_is_not_there() {
     let mut site = Site::new("3964r", "");
@@ -223,7 +224,7 @@ fn a_target_that_is_not_there() {
     assert_eq!(site.reports[13..], [Ndr(3)]);
 }
 
-/// Refused telegrams of the partner: the error number it gets, and the number here. [reference 3.8, 4.6, 4.10]
+/// Refused telegrams of the partner: the error number it gets, and the number here. (docs/cp341-events.md)
 #[test]
 fn what_the_partner_does_wrong() {
     let data = |n: usize| vec![b'a'; n];
@@ -266,7 +267,7 @@ fn what_the_partner_does_wrong() {
 }
 
 /// An aborted job of the partner is reported once with its cause, in the block and in the buffer, and not as a CPU that
-/// took nothing for 10 s (0409h). [reference 3.6, 3.8]
+/// took nothing for 10 s (0409h). (docs/cp341-events.md)
 #[test]
 fn a_job_that_the_partner_breaks_off() {
     let fetch = b"\0\0ED\x1F\0\0\x42\xFF\xFF".to_vec();
@@ -299,7 +300,7 @@ fn a_job_that_the_partner_breaks_off() {
     }
 }
 
-/// The data are in the CPU, but the partner does not accept the reaction. [reference 3.8, 0612h]
+/// The data are in the CPU, but the partner does not accept the reaction. (0612h)
 #[test]
 fn a_reaction_that_cannot_be_sent() {
     let mut site = Site::new("3964r-rk512", "");
@@ -312,7 +313,7 @@ fn a_reaction_that_cannot_be_sent() {
     site.is_well();
 }
 
-/// Answers of the partner to our job. [reference 3.11, 3.12, 4.6]
+/// Answers of the partner to our job. (docs/cp341-events.md)
 #[test]
 fn what_the_partner_answers() {
     for (sf, reaction, status) in [
@@ -348,7 +349,7 @@ fn what_the_partner_answers() {
     }
 }
 
-/// [reference 4.7]: 20 s, or depending on the transmission rate: 5 s at 9600 baud.
+/// [TIA help "Configuration for point-to-point links"]: 20 s, or depending on the transmission rate: 5 s at 9600 baud.
 #[test]
 fn no_reaction_within_the_monitoring_time() {
     for (reaction, time) in [("", 20 * SECOND), (", reaction = \"baud\"", 5 * SECOND)] {
@@ -364,7 +365,7 @@ fn no_reaction_within_the_monitoring_time() {
 
 /// A reaction after the monitoring time belongs to no job: the next job does not accept it, whether it has already
 /// arrived or not; nor does the job after that, if the late reaction arrived as the answer to the second job.
-/// [reference 3.12, 0A01h]
+/// 0A01h: the response came at the wrong time.
 #[test]
 fn a_late_reaction_ends_no_other_job() {
     let late = |site: &mut Site, reaction: &[u8]| site.partner_sends([block(reaction)]);

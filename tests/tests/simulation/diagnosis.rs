@@ -1,5 +1,6 @@
 //! Faults of a CP through all layers, in virtual time: station file with `diagnostics = true`, a line that fails and
-//! recovers, wrong parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51. [reference 1.9]
+//! recovers, wrong parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51.
+//! [CP 341 manual 09/2008, p. 204]
 
 use std::fs;
 

@@ -191,7 +191,7 @@ Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtas
 when a test is not there, and when a section has no row.
 ";
 
-/// One row.
+/// A row of a `.rows` file, with its line.
 struct Row<'a> {
     line: usize,
     place: &'a str,
@@ -310,7 +310,7 @@ fn holes(table: &Table<'_>, lines: usize) -> Vec<(Option<usize>, String)> {
     flaws
 }
 
-/// Runs the guard.
+/// The guard: each table has all its sections, and each row a proof.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     let required = |manual: &Manual| manual.sections.split(';').map(str::trim);
     MANUALS.iter().flat_map(|manual| check_against(tree, manual, required(manual))).collect()
@@ -361,7 +361,7 @@ fn event_rows<'t>(table: &'t Table<'_>) -> impl Iterator<Item = &'t Row<'t>> {
     table.sections.iter().filter(|(heading, _)| is_about(heading, "events")).flat_map(|(_, rows)| rows)
 }
 
-/// Writes the pages.
+/// Writes the pages of all tables anew.
 pub(super) fn bless() -> Outcome {
     let tree = Tree::read()?;
     for manual in &MANUALS {

@@ -16,15 +16,15 @@ use crate::failure::{Outcome, step};
 /// One thing that is forbidden to a crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ban {
-    /// Reading a clock.
+    /// Reading a clock, of any kind.
     Clock,
     /// Starting or pausing a thread.
     Threads,
     /// Locks that another thread can hold, and channels built on them.
     Locks,
-    /// Files.
+    /// Files and folders, for reading or writing.
     Disk,
-    /// Sockets.
+    /// Sockets, of any family.
     Net,
     /// Other processes, and the arguments and environment of this one.
     Process,

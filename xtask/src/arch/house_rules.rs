@@ -97,7 +97,7 @@ pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
 /// A source file with more lines than this, its tests included, is divided.
 const LONG: usize = 600;
 
-/// Names long files.
+/// The guard of rooms: names files of more lines than [`LONG`].
 pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
     let is_source = |path: &str| [".rs", ".py", ".js", ".c", ".h", ".awl"].iter().any(|end| path.ends_with(end));
     let files = tree.files.iter().filter(|file| is_source(&file.path));

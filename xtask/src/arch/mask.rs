@@ -45,7 +45,7 @@ fn find(bytes: &[u8], from: usize, what: &[u8]) -> Option<usize> {
     bytes[from..].windows(what.len()).position(|window| window == what).map(|offset| from + offset)
 }
 
-/// Block comments nest.
+/// The end of a block comment, which may contain others.
 fn block_comment(bytes: &[u8], from: usize) -> usize {
     let (mut depth, mut at) = (0usize, from);
     while at + 1 < bytes.len() {

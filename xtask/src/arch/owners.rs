@@ -30,7 +30,7 @@ const KINDS: &str = "driver/params/src/kind.rs";
 /// Folders in which module types are checked. The name of a plugin may be that of its CP.
 const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
 
-/// The verifier.
+/// The file of the verifier, the only one that may make a `Verified`.
 const VERIFIER: &str = "blocks/ir/src/verify.rs";
 
 /// The crate of instants and durations.

@@ -12,7 +12,7 @@ use crate::cargo;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// One file.
+/// A text file of the checkout.
 pub(super) struct File {
     /// From the root of the checkout, with `/`.
     pub(super) path: String,
@@ -85,7 +85,7 @@ impl Tree {
         Self { files, graph: Graph::default() }
     }
 
-    /// The Rust files.
+    /// The Rust files, tests included.
     pub(super) fn rust(&self) -> impl Iterator<Item = &File> {
         self.files.iter().filter(|file| file.is_rust())
     }

@@ -11,7 +11,7 @@ pub(super) struct Placed {
     pub(super) text: String,
 }
 
-/// One page.
+/// A page, as far as the rules ask for it.
 #[derive(Debug, Default)]
 pub(super) struct Page {
     /// The heading of the first level, if the page begins with one.

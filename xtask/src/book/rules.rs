@@ -50,7 +50,7 @@ impl fmt::Display for Finding {
 }
 
 impl Book {
-    /// All findings.
+    /// Everything that breaks a rule, in the order of the pages.
     pub(super) fn check(&self) -> Vec<Finding> {
         let mut found = self.contents();
         for (path, page) in &self.pages {

@@ -10,7 +10,7 @@ pub(super) struct LedgerA {
     pub(super) started: i64,
     /// Acknowledged by the partner's CP.
     pub(super) done: i64,
-    /// Ended with FEHLER_KOM.
+    /// Ended with FEHLER_KOM, the error bit of FC 0.
     pub(super) error: i64,
     /// Aborted by FC 9.
     pub(super) aborted: i64,
@@ -47,7 +47,7 @@ impl LedgerA {
         "DB20.DBW58",
     ];
 
-    /// All received telegrams.
+    /// All received telegrams, good or not.
     pub(super) fn received(&self) -> i64 {
         self.good + self.wrong + self.doubled + self.late
     }
@@ -64,13 +64,13 @@ impl From<[i64; 12]> for LedgerA {
 /// DB 20 of station B, in telegrams unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LedgerB {
-    /// Received.
+    /// Telegrams received from station A.
     pub(super) received: i64,
     /// Echoes passed to FC 0.
     pub(super) started: i64,
     /// Echoes acknowledged by the partner's CP.
     pub(super) done: i64,
-    /// Ended with FEHLER_KOM.
+    /// Ended with FEHLER_KOM, the error bit of FC 0.
     pub(super) error: i64,
     /// Aborted by FC 9.
     pub(super) aborted: i64,

@@ -76,7 +76,7 @@ impl Station {
         Ok(values)
     }
 
-    /// `ob1 set`.
+    /// Writes a cell with `ob1 set`, as NAME=VALUE.
     pub(super) fn set(&self, assignment: &str) -> Outcome {
         shell::read(self.ask("set").arg(assignment)).map(|_| ())
     }

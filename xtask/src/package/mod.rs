@@ -26,7 +26,7 @@ use stage::Stage;
 
 /// The folders and settings of a run.
 struct Site {
-    /// `target/dist`.
+    /// Where the packages go: `target/dist`.
     dist: PathBuf,
     /// The folder of the built programs and plugins.
     built: PathBuf,
@@ -35,7 +35,7 @@ struct Site {
     epoch: u64,
 }
 
-/// The created packages.
+/// Paths of the created packages.
 struct Made {
     debian: PathBuf,
     archive: PathBuf,

@@ -11,7 +11,7 @@ const PROGRAMS: [&str; 3] = ["runtime/", "driver/", "links/"];
 /// The folder whose libraries are plugins.
 const PLUGINS: &str = "plugins/";
 
-/// A program.
+/// A program of the workspace that is packed.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Program {
     pub(super) name: String,
@@ -25,7 +25,7 @@ pub(super) struct Program {
 pub(super) struct Parts {
     pub(super) version: String,
     pub(super) programs: Vec<Program>,
-    /// File names: `libob1_cp240.so`.
+    /// File names of the plugins: `libob1_cp240.so`.
     pub(super) plugins: Vec<String>,
     packages: Vec<String>,
 }

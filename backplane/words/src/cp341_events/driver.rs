@@ -1,5 +1,5 @@
 //! Classes 14 and 30: loadable driver, and errors found by the blocks. [S4 "7.3.3 Error Codes for “General Processing
-//! Errors”"], [reference 3.14]
+//! Errors”"] (docs/cp341-events.md)
 
 use super::Origin::{FactOnly, HardwareFault, OtherModule};
 use super::{Row, here, other};

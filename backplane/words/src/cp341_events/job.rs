@@ -1,4 +1,4 @@
-//! Class 5: jobs of the CPU. [reference 3.7], [S4 "7.3.1 Error Codes for “CPU Job Errors”"]
+//! Class 5: jobs of the CPU. [TIA help "PtP data link CP 341"], [S4 "7.3.1 Error Codes for “CPU Job Errors”"]
 
 use super::Origin::{FactOnly, OtherModule};
 use super::{Row, here, other};

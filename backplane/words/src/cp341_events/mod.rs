@@ -1,5 +1,5 @@
 //! Event numbers of the CP 341 and the CP 340, class and number as in STATUS, with text and remedy in our own words.
-//! [reference 3], [S4 "7.3 Table of Errors / Events"]
+//! [TIA help "PtP data link CP 341"], [S4 "7.3 Table of Errors / Events"]
 //!
 //! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that checks which test
 //! provokes each number. "The numbers mean the same in every block." [S4 L1709]
@@ -34,12 +34,12 @@ impl Origin {
     }
 }
 
-/// One number.
+/// An event number with what is to be said about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// Class (high byte) and number (low byte).
     pub number: u16,
-    /// What has happened.
+    /// What has happened, as a sentence without its number.
     pub text: &'static str,
     /// The remedy; empty for mere information.
     pub remedy: &'static str,
@@ -55,7 +55,7 @@ const fn other(origin: Origin, number: u16, text: &'static str) -> Row {
     Row { number, text, remedy: "", origin }
 }
 
-/// The classes, with their names. [reference 3.1], [S4 L1725-L1736]
+/// The classes, with their names. [TIA help "PtP data link CP 341"], [S4 L1725-L1736]
 pub const CLASSES: [(u8, &str); 13] = [
     (0x00, "Start-up of the CP"),
     (0x01, "Hardware of the CP"),

@@ -1,4 +1,5 @@
-//! Classes 0 to 4: start-up, hardware, initialisation, block parameters, traffic with the CPU. [reference 3.2 to 3.6]
+//! Classes 0 to 4: start-up, hardware, initialisation, block parameters, traffic with the CPU.
+//! [TIA help "PtP data link CP 341"]
 
 use super::Origin::{FactOnly, HardwareFault, OtherModule};
 use super::{Row, here, other};

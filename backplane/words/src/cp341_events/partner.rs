@@ -1,4 +1,4 @@
-//! Classes 6 to 10: jobs of the partner, sending, receiving, responses. [reference 3.8 to 3.12],
+//! Classes 6 to 10: jobs of the partner, sending, receiving, responses. [TIA help "PtP data link CP 341"],
 //! [S4 "7.3.2 Error Codes for “Receive Errors”"]
 
 use super::Origin::OtherModule;

@@ -9,7 +9,7 @@ use super::wire::is_absent;
 /// The phase of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Phase {
-    /// No telegram.
+    /// No telegram is being fetched.
     #[default]
     Idle,
     /// Fragment `piece` was stored, more will follow.
@@ -24,7 +24,7 @@ enum Phase {
 pub struct ReceiveJob {
     phase: Phase,
     piece: u8,
-    /// User bytes.
+    /// User bytes of the whole telegram, without return value and offset.
     length: u16,
     /// Offset word, if the telegram has one.
     offset: Option<u16>,
@@ -35,7 +35,7 @@ pub struct ReceiveJob {
 pub struct Take {
     /// First user byte among the inputs.
     pub from: usize,
-    /// User bytes.
+    /// Number of user bytes of this fragment.
     pub count: usize,
     /// Position in the receive area: "Data_Offset", which includes the offset of the telegram. [S3 L11]
     pub at: usize,
@@ -45,7 +45,7 @@ pub struct Take {
     pub received: Option<Received>,
 }
 
-/// A received telegram.
+/// A telegram that was fetched completely, or an error in its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Received {
     /// User bytes; 0 for an error.
@@ -54,7 +54,7 @@ pub struct Received {
     pub return_value: u16,
 }
 
-/// The next action.
+/// What the host does next with the CP's inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReceiveStep {
     /// Leave the outputs unchanged.

@@ -38,20 +38,20 @@ pub struct SendJob {
 pub struct Piece {
     /// Low nibble of byte 0.
     pub command: u8,
-    /// First user byte.
+    /// Index of the fragment's first user byte in the telegram.
     pub from: usize,
-    /// User bytes.
+    /// Number of user bytes in the fragment.
     pub count: usize,
     /// Length of the telegram: in the first fragment it is before the data.
     length: Option<u16>,
 }
 
-/// The next action.
+/// What the host does next with the CP's outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SendStep {
     /// Leave the outputs unchanged.
     Wait,
-    /// Write this fragment.
+    /// Write this fragment: the bytes first, then the command.
     Put(Piece),
     /// Write only this low nibble of byte 0.
     Command(u8),

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor<'t>(pub(super) &'t str);
 
-/// What was expected.
+/// A part of a line, or what was expected there instead.
 pub(super) type Expected<T> = Result<T, &'static str>;
 
 impl<'t> Cursor<'t> {
@@ -43,7 +43,7 @@ impl<'t> Cursor<'t> {
         Ok(number)
     }
 
-    /// Hexadecimal digits.
+    /// Hexadecimal digits, as many as follow, as a number.
     pub(super) fn hex(&mut self) -> Expected<u32> {
         let (digits, rest) = self.hex_digits();
         let number = u32::from_str_radix(digits, 16).map_err(|_| "hexadecimal digits")?;

@@ -61,7 +61,7 @@ pub(super) fn plain() -> Vec<Op> {
     all
 }
 
-/// A statement's operation.
+/// The operation of a statement, from its text.
 pub(super) fn op(text: &str) -> Expected<Op> {
     let text = text.trim();
     if let Some(op) = plain().into_iter().find(|op| op.to_string() == text) {

@@ -42,10 +42,10 @@ pub struct Why {
     pub is_open: bool,
 }
 
-/// A scan.
+/// A scan that the pass has made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Term {
-    /// The statement.
+    /// Index of the statement in the block.
     pub statement: usize,
     /// The bit that it found.
     pub bit: bool,

@@ -41,7 +41,7 @@ pub(super) enum Flip {
     Here(usize),
 }
 
-/// An open bracket.
+/// What an open bracket keeps for its end.
 #[derive(Clone, Copy, Debug)]
 struct Nested {
     rlo: Bit,

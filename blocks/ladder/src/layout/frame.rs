@@ -5,7 +5,7 @@ use super::sketch::{Class, Place, Shape, Sketch, columns};
 
 /// What is at a pin.
 pub(crate) enum At {
-    /// Nothing.
+    /// Nothing: the pin stays open.
     Open,
     /// A text, and whose operand it is.
     Value(String, u32),

@@ -21,19 +21,19 @@ use crate::tree::{Kind, Node, Tree};
 pub(crate) use names::Names;
 use sketch::{Sketch, columns};
 
-/// Which view.
+/// Which view a network is drawn in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// LAD, where the network has one; else FBD.
     Ladder,
-    /// FBD.
+    /// FBD, whatever the network was made in.
     Plan,
 }
 
 /// What stands at an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NamesShown {
-    /// The address.
+    /// The address, also where there is a symbol.
     Address,
     /// The symbol, where there is one.
     Symbol,
@@ -44,7 +44,7 @@ pub enum NamesShown {
 /// How a network is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// LAD or FBD.
+    /// The view: LAD or FBD.
     pub form: Form,
     /// What stands at an element.
     pub names: NamesShown,
@@ -62,12 +62,12 @@ impl Default for Options {
     }
 }
 
-/// A drawing.
+/// A network as a drawing of cells.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Drawing {
     /// Cells in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows of cells.
     pub height: usize,
     /// What stands in the cells.
     pub pieces: Vec<Piece>,
@@ -148,7 +148,7 @@ pub(crate) fn names<'n>(network: &'n Network, options: Options) -> Names<'n> {
     Names::new(network, options)
 }
 
-/// Columns of `─>1`.
+/// Columns that the mark `─>1` takes.
 const CUT: usize = 4;
 
 /// Where a row goes on below, or where it comes from.

@@ -19,7 +19,7 @@ const fn letters(format: NumberFormat) -> &'static str {
     }
 }
 
-/// `CMP >I`.
+/// The title of a comparison: `CMP >I`.
 pub(crate) fn compare(format: NumberFormat, how: Compare) -> String {
     let sign = match how {
         Compare::Equal => "==",

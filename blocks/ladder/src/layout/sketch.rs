@@ -3,11 +3,11 @@
 /// What a node's wire or sign belongs to, for colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
-    /// The left rail.
+    /// The left power rail.
     Rail,
     /// What leads to a node.
     Before(u32),
-    /// The node itself.
+    /// The node with this number.
     At(u32),
     /// What leads away from it.
     After(u32),
@@ -18,7 +18,7 @@ pub enum Place {
 pub enum Class {
     /// `┤ ├`, `┤/├`, `┤NOT├`.
     Contact,
-    /// `(   )`.
+    /// A coil: `(   )`.
     Coil,
     /// A frame, and what stands in it.
     Box,
@@ -29,9 +29,9 @@ pub enum Class {
 /// A piece of a drawing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Piece {
-    /// Where it belongs.
+    /// What it belongs to, for its colour.
     pub place: Place,
-    /// What it is.
+    /// Shape and position of the piece.
     pub shape: Shape,
 }
 
@@ -41,38 +41,38 @@ pub enum Shape {
     /// A wire along a row, from one edge of a cell to another: `2 * column` is the left edge of a cell, one more its
     /// middle.
     Along {
-        /// The row.
+        /// Row of the wire, from the top.
         row: usize,
-        /// Where it begins.
+        /// Half cell at which it begins.
         from: usize,
         /// Where it ends, behind that.
         to: usize,
     },
     /// A wire down a column, from the middle of one row to that of another.
     Down {
-        /// The column.
+        /// Column of the wire, from the left.
         column: usize,
-        /// The upper row.
+        /// The upper row, where it begins.
         from: usize,
-        /// The lower one.
+        /// The lower row, where it ends.
         to: usize,
     },
     /// A sign on a wire row, or the name of a pin.
     Sign {
-        /// The row.
+        /// Row of the sign, from the top.
         row: usize,
-        /// The first column.
+        /// Column of its first character.
         column: usize,
         /// Its characters, one a cell.
         text: String,
-        /// What it is.
+        /// Kind of the sign, for its colour.
         class: Class,
     },
     /// A name or a value.
     Name {
-        /// The row.
+        /// Row of the name, from the top.
         row: usize,
-        /// The first column.
+        /// Column of its first character.
         column: usize,
         /// As it is shown, perhaps cut.
         text: String,
@@ -81,9 +81,9 @@ pub enum Shape {
     },
     /// The frame of a box, its title in the upper edge.
     Frame {
-        /// The upper edge.
+        /// Row of the upper edge.
         row: usize,
-        /// The left edge.
+        /// Column of the left edge.
         column: usize,
         /// Columns with both edges.
         width: usize,

@@ -27,14 +27,14 @@ pub struct Written {
     pub notations: BTreeMap<u32, Notation>,
 }
 
-/// What [`encode`] gives.
+/// What [`encode`] gives for a block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Encoded {
     /// The code with its final `BE`.
     pub code: Vec<u8>,
     /// For each statement of the block, the offset in the code where it begins.
     pub offsets: Vec<u32>,
-    /// The segment table.
+    /// The segment table that belongs to the code.
     pub segments: Segments,
     /// Bytes of local data: the block's own and what the frames of its calls use.
     pub local_bytes: u32,

@@ -18,7 +18,7 @@ pub(crate) enum Base {
     Instance(BitAddr),
 }
 
-/// What was found.
+/// The component that the statements reach.
 #[derive(Clone, Debug)]
 pub(crate) struct Component {
     pub(crate) base: Base,

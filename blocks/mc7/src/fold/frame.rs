@@ -12,7 +12,7 @@ pub(crate) enum Frame {
     Function(BlockKind),
     /// A function block with its data block.
     DataBlock(BlockKind),
-    /// A multi-instance.
+    /// A multi-instance of the caller.
     Multi(BlockKind),
 }
 

@@ -16,7 +16,7 @@ pub(crate) const INSTANCE_START: u32 = 0x8400_0000;
 /// What is known while the frame is read.
 struct InstanceFrame<'f> {
     caller: &'f Caller<'f, 'f>,
-    /// Opens the instance.
+    /// The data block that the frame opens as instance.
     instance: Number,
     /// Multi-instance: everything is addressed relative to AR2.
     multi: bool,

@@ -13,7 +13,7 @@ pub(super) enum Source {
     Const(u32),
     /// An operand of the caller.
     From(Operand),
-    /// `L DINO`.
+    /// `L DINO`: number of the instance data block.
     InstanceNumber,
     /// `TAR2` after `+AR2`: the pointer into the caller's instance.
     InstancePointer(BitAddr),
@@ -112,7 +112,7 @@ impl<'o> Cursor<'o> {
 /// A statement that gives a value.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Given {
-    /// `L` something.
+    /// `L` of a value of this width.
     Wide(Source, Width),
     /// `SET`, `CLR`, `U` something.
     Bit(Source),

@@ -22,7 +22,7 @@ const CALLS: [(u8, BlockKind, bool); 8] = [
     (0x77, BlockKind::Sfb, true),
 ];
 
-/// Short calls.
+/// Short calls: the first byte, kind of the block, and whether it is conditional.
 const SHORT: [(u8, BlockKind, bool); 4] = [
     (0x3D, BlockKind::Fc, false),
     (0x1D, BlockKind::Fc, true),
@@ -145,7 +145,7 @@ pub(crate) fn write_call(call: &Uncond, long: bool) -> Option<Vec<u8>> {
     (list.is_some() == kind.is_function()).then_some(bytes)
 }
 
-/// Writes `L P##parameter`.
+/// Writes `L P##parameter`; `None`: the index is too high.
 pub(crate) fn write_pointer(index: u16, other: bool) -> Option<Vec<u8>> {
     Some(with_word(0xFB, if other { 0xCA } else { 0xCB }, param_word(index)?))
 }

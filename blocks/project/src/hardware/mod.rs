@@ -26,7 +26,7 @@ pub use profibus::{DpModule, DpSlave, DpSystem};
 /// The hardware of a project.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Hardware {
-    /// The CPUs.
+    /// The CPUs of all stations.
     pub cpus: Vec<Cpu>,
     /// Modules with addresses, CPUs left out.
     pub modules: Vec<Module>,
@@ -34,7 +34,7 @@ pub struct Hardware {
     pub dp: Vec<DpSystem>,
 }
 
-/// A CPU.
+/// A CPU with its station and parameters.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cpu {
     /// Its name: `CPU 315-2 DP`.
@@ -49,10 +49,10 @@ pub struct Cpu {
     pub parameters: CpuParameters,
 }
 
-/// A module.
+/// A module with its place and addresses.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Module {
-    /// Its name: `DI16xDC24V`.
+    /// Its name in the catalogue: `DI16xDC24V`.
     pub name: String,
     /// Its order number, as far as the catalogue's name has it: `6ES7 321-1BH02-0AA`.
     pub order: String,

@@ -11,9 +11,9 @@ use crate::tree::Tree;
 /// Addresses of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Area {
-    /// The first byte.
+    /// The first byte of the addresses.
     pub first: u32,
-    /// Bytes.
+    /// How many bytes there are.
     pub bytes: u32,
 }
 

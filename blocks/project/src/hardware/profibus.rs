@@ -23,16 +23,16 @@ pub struct DpSystem {
     pub slaves: Vec<DpSlave>,
 }
 
-/// A DP slave.
+/// A DP slave of a master system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DpSlave {
-    /// Its name.
+    /// Its name in the project.
     pub name: String,
-    /// Its PROFIBUS address.
+    /// Its address on the PROFIBUS.
     pub address: u8,
     /// Its user parameters, where the project has them as bytes: for slaves of a GSD file.
     pub parameters: Vec<u8>,
-    /// Its diagnostic address.
+    /// Its diagnostic address; `None`: the project gives none.
     pub diagnostic: Option<u16>,
     /// What is in its slots.
     pub modules: Vec<DpModule>,
@@ -41,7 +41,7 @@ pub struct DpSlave {
 /// What is in a slot of a slave.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DpModule {
-    /// Its slot.
+    /// Its slot, as the project counts.
     pub slot: i64,
     /// Its name: `DI32xDC24V`; of a GSD file's module its identifiers as STEP 7 shows them.
     pub name: String,

@@ -40,14 +40,14 @@ pub struct Wanted<'w> {
 pub struct ProgramFile {
     /// Its name: `FC_5.awl`, `FC_5.mc7`.
     pub name: String,
-    /// Its content.
+    /// Its content, as it goes to the disk.
     pub bytes: Vec<u8>,
 }
 
 /// The result of translating a folder.
 #[derive(Debug, Default)]
 pub struct Translation {
-    /// STL sources.
+    /// STL sources, one for each block.
     pub sources: Vec<ProgramFile>,
     /// Blocks in machine code.
     pub images: Vec<ProgramFile>,
@@ -65,7 +65,7 @@ pub struct Translation {
     pub notes: Notes,
 }
 
-/// Translates a folder.
+/// Translates a folder, as far as that is possible; the rest is in the notes.
 #[must_use]
 pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
     let mut draft = Draft::new(folder, wanted);

@@ -62,7 +62,7 @@ impl Value {
     }
 }
 
-/// Reads one variable.
+/// Reads the variable that an ANY names; `None`: its type is not known.
 fn value(call: &mut Call<'_>, p: impl Params) -> Option<Value> {
     let any = call.any(p)?;
     Value::read(call, &any)

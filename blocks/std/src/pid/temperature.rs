@@ -2,17 +2,17 @@
 
 /// The process value as it comes to the block.
 pub(super) struct Input {
-    /// From PV_PER.
+    /// PVPER_ON: the value is PV_PER.
     pub(super) from_periphery: bool,
-    /// PV_PER.
+    /// PV_PER: the word of the analog input.
     pub(super) word: i16,
-    /// PER_MODE.
+    /// PER_MODE: what the word stands for.
     pub(super) mode: i16,
-    /// PV_IN.
+    /// PV_IN: the value in floating point.
     pub(super) value: f32,
-    /// PV_FAC.
+    /// PV_FAC: factor of the process value.
     pub(super) factor: f32,
-    /// PV_OFFS.
+    /// PV_OFFS: offset of the process value.
     pub(super) offset: f32,
 }
 

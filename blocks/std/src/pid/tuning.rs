@@ -8,7 +8,7 @@ use super::tcont_parameters::{TcontCp, load, save, set_member};
 use super::temperature::limited;
 use crate::call::Call;
 
-/// PHASE: no tuning.
+/// PHASE: no tuning is under way.
 const OFF: i16 = 0;
 /// PHASE: ready, waiting for the step.
 const READY: i16 = 1;

@@ -5,7 +5,7 @@
 pub enum LockError {
     /// OB_NR names no class or no interrupt.
     Ob,
-    /// MODE.
+    /// MODE names no selection.
     Mode,
 }
 

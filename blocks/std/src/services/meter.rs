@@ -11,7 +11,7 @@ pub struct RunTimeMeter {
     preset: u32,
     /// Counted on top of them, up to `since`.
     counted: Span,
-    /// Running since then.
+    /// Since when it runs; `None`: it does not.
     since: Option<Instant>,
 }
 

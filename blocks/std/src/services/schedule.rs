@@ -93,7 +93,7 @@ fn by_calendar(start: Moment, period: Period, now: Moment) -> Option<Moment> {
     None
 }
 
-/// A time-delay interrupt.
+/// A time-delay interrupt, OB 20 to 23.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DelayInterrupt {
     /// Due at this time, with DTIME in milliseconds and SIGN for the start information.

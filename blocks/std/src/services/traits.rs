@@ -41,7 +41,7 @@ pub struct DbRequest {
     pub unlinked: bool,
     /// Write-protected for the program.
     pub read_only: bool,
-    /// Not retentive.
+    /// No restart keeps its values.
     pub non_retain: bool,
 }
 
@@ -56,7 +56,7 @@ pub enum CreateError {
     NoneFree,
     /// No memory is left.
     NoMemory,
-    /// Not possible now.
+    /// Not possible now; a later call may succeed.
     NotNow,
 }
 
@@ -69,7 +69,7 @@ pub enum DeleteError {
     Missing,
     /// Part of the program on the memory card: not to be deleted.
     Fixed,
-    /// Not possible now.
+    /// Not possible now; a later call may succeed.
     NotNow,
 }
 
@@ -80,14 +80,14 @@ pub enum LoadError {
     Missing,
     /// Outside the data block.
     Outside,
-    /// Write-protected.
+    /// The data block is write-protected.
     Protected,
 }
 
 /// What SFC 24 reports of a data block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DbInfo {
-    /// Length in bytes.
+    /// Length of the data block in bytes.
     pub bytes: u16,
     /// Write-protected for the program.
     pub read_only: bool,
@@ -101,27 +101,28 @@ pub trait DataBlocks {
     /// or 0.
     ///
     /// # Errors
-    /// Why not.
+    /// [`CreateError`]: the limits or the length are beyond this CPU, no number or memory is free, or it is not
+    /// possible now.
     fn create(&mut self, request: &DbRequest) -> Result<u16, CreateError>;
     /// Deletes a data block.
     ///
     /// # Errors
-    /// Why not.
+    /// [`DeleteError`]: no such number or data block, or it is not to be deleted, at all or now.
     fn delete(&mut self, number: u16) -> Result<(), DeleteError>;
     /// What is known of a data block.
     ///
     /// # Errors
-    /// `Number` or `Missing`.
+    /// `Number` for a number that cannot be, `Missing` for a data block that is not there.
     fn info(&mut self, number: u16) -> Result<DbInfo, DeleteError>;
     /// Reads the initial values of a data block from the load memory.
     ///
     /// # Errors
-    /// Why not.
+    /// [`LoadError`]: there is no such data block, or the bytes lie outside it.
     fn load_read(&mut self, number: u16, at: u32, into: &mut [u8]) -> Result<(), LoadError>;
     /// Writes initial values in the load memory.
     ///
     /// # Errors
-    /// Why not.
+    /// [`LoadError`]: there is no such data block, the bytes lie outside it, or it is write-protected.
     fn load_write(&mut self, number: u16, at: u32, from: &[u8]) -> Result<(), LoadError>;
 }
 
@@ -136,17 +137,17 @@ pub enum ImageError {
     Access(u16),
 }
 
-/// The process images.
+/// The process images, as SFC 26 and 27 update them.
 pub trait Images {
     /// Reads the inputs of a partition, 0 for the whole image that is not partitioned.
     ///
     /// # Errors
-    /// Why not.
+    /// [`ImageError`]: no such partition, one that the CPU updates itself, or a byte that cannot be read.
     fn update_inputs(&mut self, partition: u8) -> Result<(), ImageError>;
     /// Writes the outputs of a partition.
     ///
     /// # Errors
-    /// Why not.
+    /// [`ImageError`]: no such partition, one that the CPU updates itself, or a byte that cannot be written.
     fn update_outputs(&mut self, partition: u8) -> Result<(), ImageError>;
 }
 
@@ -157,7 +158,7 @@ pub enum StatusError {
     Id,
     /// INDEX is wrong or not permitted.
     Index,
-    /// Not available now.
+    /// Not available now; a later call may succeed.
     NotNow,
 }
 
@@ -176,9 +177,9 @@ impl StatusError {
 /// Run times of an OB in microseconds (SFC 78).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunTimes {
-    /// The OB.
+    /// Number of the OB.
     pub ob: u16,
-    /// Its priority class.
+    /// Priority class of the OB.
     pub priority: u16,
     /// Run time of the last completed execution, interruptions left out; all ones when there is none.
     pub last_run: u32,
@@ -199,7 +200,7 @@ pub trait SystemStatus {
     /// Gives each record of a list to `each` and returns the length of a record in bytes.
     ///
     /// # Errors
-    /// Why not.
+    /// [`StatusError`]: SZL_ID or INDEX is wrong, or the list is not available now.
     fn list(&mut self, id: u16, index: u16, each: &mut dyn FnMut(&[u8])) -> Result<u16, StatusError>;
     /// Run times of an OB, 0 for the running one; `None` for an OB that is not configured.
     fn run_times(&mut self, ob: u16) -> Option<RunTimes>;
@@ -223,9 +224,9 @@ pub struct Placed {
 /// Which part of the place of a distributed module does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoPlace {
-    /// The master system.
+    /// There is no such master system.
     Master,
-    /// The station.
+    /// There is no such station.
     Station,
     /// The slot, or nothing is in it.
     Slot,
@@ -251,7 +252,7 @@ pub trait Rack {
 pub struct Alarm<'a> {
     /// The function that sends it.
     pub sfc: u16,
-    /// The message number.
+    /// The message number: EV_ID.
     pub id: u32,
     /// The part of the plant it belongs to (CMP_ID of SFC 107 and 108); 0 with SFC 17 and 18.
     pub component: u32,
@@ -259,7 +260,7 @@ pub struct Alarm<'a> {
     pub signal: bool,
     /// SFC 17 and 107: it wants an acknowledgement.
     pub acknowledge: bool,
-    /// The associated value.
+    /// The associated value, as bytes.
     pub value: &'a [u8],
 }
 
@@ -268,7 +269,7 @@ pub struct Alarm<'a> {
 pub struct InUse {
     /// The function that took it.
     pub sfc: u16,
-    /// The number.
+    /// The message number: EV_ID.
     pub id: u32,
     /// The part of the plant.
     pub component: u32,
@@ -313,7 +314,7 @@ pub trait Messages {
     /// Sends an alarm message when its signal has changed since the last call with its number.
     ///
     /// # Errors
-    /// Why not.
+    /// [`AlarmError`]: nothing was sent, because the signal has not changed, nobody is logged on, or no room is left.
     fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError>;
     /// Gives every message number in use to `each`.
     fn in_use(&mut self, each: &mut dyn FnMut(InUse));

@@ -54,7 +54,7 @@ const PV: (u32, u8) = (2, 0);
 const CV: (u32, u8) = (4, 0);
 const COUNTER_BYTES: u32 = 6;
 
-/// For the documentation.
+/// What the documentation says of each of them.
 const NOTE: &str = "a system type of TIA Portal, with the instance of an S7-1500";
 
 pub(super) const ROWS: &[Row] = &[

@@ -86,9 +86,9 @@ pub(super) struct Moment {
 pub(super) struct Reached {
     /// For the next call.
     pub(super) kept: Moment,
-    /// For Q.
+    /// The state that decides Q.
     pub(super) state: State,
-    /// ET.
+    /// ET, elapsed time in milliseconds.
     pub(super) elapsed: i32,
 }
 

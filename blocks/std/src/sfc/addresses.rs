@@ -50,11 +50,11 @@ const OUTPUT_BIT: u16 = 0x8000;
 
 /// No module has this logical address, or the identifier of the area is wrong.
 const NO_ADDRESS: u16 = 0x8090;
-/// No such subnet.
+/// There is no such subnet.
 const NO_SUBNET: u16 = 0x8094;
 /// No such rack, or station.
 const NO_RACK: u16 = 0x8095;
-/// No such slot.
+/// There is no such slot.
 const NO_SLOT: u16 = 0x8096;
 /// A central module has no subslots.
 const NO_SUBSLOT: u16 = 0x8097;

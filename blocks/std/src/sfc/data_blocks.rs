@@ -37,7 +37,7 @@ pub(super) const ROWS: &[Row] = &[
 
 /// Bytes copied at a time.
 const CHUNK: u32 = 256;
-/// Not possible now.
+/// Not possible now; a later call may succeed.
 const NOT_NOW: u16 = 0x8092;
 /// REQ is 0 and no job is under way.
 const NO_JOB: u16 = 0x7000;

@@ -30,7 +30,7 @@ pub(super) const ROWS: &[Row] = &[
 
 /// REQ is 0 and no job is under way.
 pub(super) const NO_JOB: u16 = 0x7000;
-/// No such module.
+/// No module has this logical address.
 pub(super) const NO_MODULE: u16 = 0x8090;
 
 /// The record of a module that is the diagnosis of a DP slave: beyond those that SFC 59 reads.

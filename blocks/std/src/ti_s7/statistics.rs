@@ -57,7 +57,7 @@ fn place(call: &mut Call<'_>, p: impl Params) -> Result<Place, u16> {
     Place::of(call, p).ok_or(MEMORY)
 }
 
-/// INT, DINT, REAL.
+/// The type of a table's elements: INT, DINT or REAL.
 fn number(call: &mut Call<'_>, p: impl Params) -> Result<Element, u16> {
     let element = Element::of(call.byte(p)).ok_or(TYPE)?;
     if matches!(element, Element::Int | Element::DInt | Element::Real) { Ok(element) } else { Err(TYPE) }

@@ -8,7 +8,7 @@ use ob1_model::BlockId;
 pub struct Numbered {
     /// The name, without quotes.
     pub name: String,
-    /// Kind and number.
+    /// Kind and number that it was given.
     pub id: BlockId,
 }
 

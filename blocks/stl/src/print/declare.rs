@@ -14,13 +14,13 @@ use crate::initial;
 /// The head of a block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Heading {
-    /// `TITLE =`.
+    /// `TITLE =`; empty without one.
     pub title: String,
-    /// Comment lines.
+    /// Comment lines below the title; empty: none.
     pub comment: String,
-    /// `AUTHOR`.
+    /// `AUTHOR`; empty without one.
     pub author: String,
-    /// `FAMILY`.
+    /// `FAMILY`; empty without one.
     pub family: String,
     /// `VERSION`, a digit in each half; 0: none.
     pub version: u8,
@@ -121,7 +121,7 @@ impl Printer<'_> {
         Ok(out)
     }
 
-    /// A user-defined type.
+    /// The source of a user-defined type.
     ///
     /// # Errors
     /// What no source can express, in words.

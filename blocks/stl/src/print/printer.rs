@@ -28,7 +28,7 @@ pub struct Listing {
 /// Why a block cannot be printed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unprintable {
-    /// The block.
+    /// Kind and number of the block.
     pub block: BlockId,
     /// The statement; `None` for the declarations.
     pub statement: Option<u32>,

@@ -20,7 +20,7 @@ impl Printer<'_> {
     /// each, and its text.
     ///
     /// # Errors
-    /// As of [`Printer::statements`].
+    /// What no source can express, with its statement, as of [`Printer::statements`].
     pub fn lines(&self, block: &CodeBlock, listing: &Listing) -> Result<Vec<(usize, String)>, Unprintable> {
         let labels = labels(block, &listing.labels);
         let mut lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };
@@ -80,9 +80,9 @@ struct Lines<'l, 'p> {
 pub struct Shown {
     /// The first operation, and how many it is. The last one does what the statement says.
     pub at: u32,
-    /// See above.
+    /// How many operations it is.
     pub used: u32,
-    /// Its label.
+    /// Its label; empty without one.
     pub label: String,
     /// What follows the mnemonic, perhaps nothing; of a call what is called.
     pub operand: String,
@@ -225,7 +225,7 @@ impl Lines<'_, '_> {
         self.printer.mnemonic(&|shape| has_shape(shape, op))
     }
 
-    /// One operation.
+    /// The text of one operation.
     fn text(&self, at: usize) -> Result<String, Unprintable> {
         let Some(stmt) = self.block.code.get(at) else { return Ok(String::new()) };
         let op = &stmt.op;

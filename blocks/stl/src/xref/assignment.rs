@@ -32,9 +32,9 @@ const WIDTHS: [char; 4] = ['B', 'W', 'D', 'P'];
 pub struct Assignment {
     /// The bytes in use, of the areas of [`AREAS`].
     pub bytes: [BTreeMap<u32, ByteUse>; 3],
-    /// Timers in use.
+    /// Timers in use, by number.
     pub timers: BTreeSet<u16>,
-    /// Counters in use.
+    /// Counters in use, by number.
     pub counters: BTreeSet<u16>,
 }
 
@@ -160,7 +160,7 @@ fn free(bytes: impl Iterator<Item = (u32, u8)> + Clone) -> Vec<String> {
 pub struct WrittenTwice<'x> {
     /// Its bits in German mnemonics: `A 4.0`.
     pub outputs: Vec<String>,
-    /// The statements.
+    /// The statements that write them.
     pub writers: Vec<&'x Reference>,
 }
 

@@ -63,7 +63,7 @@ type Name = (String, Option<String>);
 const INDIRECT: u8 = 40;
 const LOCAL: u8 = 50;
 
-/// One statement.
+/// A statement, with what is known of the registers in front of it.
 struct Seen<'s, 'c> {
     block: &'c CodeBlock,
     stmt: &'c Stmt,

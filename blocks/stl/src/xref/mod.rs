@@ -27,9 +27,9 @@ pub use text::{address_in_set, in_set, render_xref};
 /// What a statement does to an operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Access {
-    /// It reads.
+    /// It reads the operand.
     Read,
-    /// It writes.
+    /// It writes the operand.
     Write,
     /// Both: edge bits, in/outs, parameters of blocks that are not known.
     ReadWrite,
@@ -79,13 +79,13 @@ pub struct Reference {
     extent: Extent,
     /// The address is known at run time only.
     pub indirect: bool,
-    /// Where: the block.
+    /// The block with the statement.
     pub block: BlockId,
     /// The network, from 1.
     pub network: u16,
     /// The line, from 1.
     pub line: u32,
-    /// What is done.
+    /// What is done to the operand.
     pub access: Access,
     /// The formal it is supplied to, for actual parameters: `FC 9.ANL`.
     pub via: Option<String>,
@@ -130,7 +130,7 @@ pub struct CrossReference<P> {
 pub struct Uses<'x> {
     /// What was asked for, in German mnemonics.
     pub operand: String,
-    /// Its symbol.
+    /// Its symbol; `None`: it has none.
     pub symbol: Option<String>,
     /// Each use, with how it meets what was asked for.
     pub found: Vec<(Match, &'x Reference)>,
@@ -147,7 +147,7 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
         Self { program, all, instances, words, symbols }
     }
 
-    /// Its program.
+    /// The program that it is about.
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program

@@ -39,7 +39,7 @@ impl fmt::Display for Unknown {
 /// What is asked for, with the name under which an answer tells it.
 pub(super) struct Question {
     pub(super) wanted: Wanted,
-    /// In German mnemonics.
+    /// The operand in German mnemonics.
     pub(super) name: String,
     pub(super) symbol: Option<String>,
 }

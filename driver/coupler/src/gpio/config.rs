@@ -9,9 +9,9 @@ use crate::nanos;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GpioConfig {
-    /// Its name.
+    /// Name of the chip in the station file, and in messages.
     pub name: String,
-    /// The device: `/dev/gpiochip0`.
+    /// Path of the device, `/dev/gpiochip0`.
     pub chip: String,
     /// Time from one reading of its inputs to the next.
     #[serde(with = "nanos")]
@@ -30,9 +30,9 @@ pub struct GpioLine {
     pub line: u32,
     /// Byte in the inputs, or outputs, of the bus.
     pub at: usize,
-    /// Bit of it.
+    /// Bit of the byte, 0 to 7.
     pub bit: u8,
-    /// Low is 1.
+    /// True: a low level is 1.
     #[serde(default)]
     pub active_low: bool,
     /// Bias of an input.
@@ -57,7 +57,7 @@ pub enum Bias {
     PullUp,
     /// A resistor to ground.
     PullDown,
-    /// Nothing.
+    /// Neither resistor: the level of an open input is undefined.
     Disabled,
 }
 
@@ -71,12 +71,12 @@ impl Bias {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Drive {
-    /// In both directions.
+    /// The chip drives it high and low.
     #[default]
     PushPull,
-    /// Only low.
+    /// The chip drives it low; high is an external resistor's affair.
     OpenDrain,
-    /// Only high.
+    /// The chip drives it high; low is an external resistor's affair.
     OpenSource,
 }
 

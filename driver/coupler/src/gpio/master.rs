@@ -15,10 +15,10 @@ pub trait Pins {
     /// # Errors
     /// The system's error: the chip is gone.
     fn read(&mut self, inputs: &mut [bool]) -> Result<(), String>;
-    /// Drives the outputs.
+    /// Drives all outputs, in the order of the configuration.
     ///
     /// # Errors
-    /// As [`Self::read`].
+    /// The system's error: the chip is gone, as with [`Self::read`].
     fn write(&mut self, outputs: &[bool]) -> Result<(), String>;
 }
 

@@ -10,7 +10,7 @@ const FAULT: u8 = 1 << 0;
 const EXTERNAL: u8 = 1 << 2;
 /// ERR_A: error in the parameters.
 const PARAMETERS: u8 = 1 << 7;
-/// CH0ERR: wire break.
+/// CH0ERR: the receive line is open.
 const WIRE_BREAK: u8 = 1 << 4;
 
 /// The faults of the module, and which of them have been reported.
@@ -20,7 +20,7 @@ pub(super) struct Diagnosis {
     pub(super) enabled: bool,
     /// An open receive line, if the line preset makes it visible.
     pub(super) wire_break: bool,
-    /// No valid parameters.
+    /// The module has no valid parameters.
     pub(super) parameters: bool,
     told: (bool, bool),
     record: DiagnosticRecord,

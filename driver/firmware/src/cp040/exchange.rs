@@ -36,7 +36,6 @@ impl Exchange {
         }
     }
 
-    /// Bytes each way.
     pub(crate) const fn io_bytes(&self) -> usize {
         self.io_bytes
     }
@@ -48,7 +47,6 @@ impl Exchange {
         }
     }
 
-    /// The output bytes.
     pub(crate) fn outputs(&self) -> &[u8] {
         &self.outputs[..self.io_bytes]
     }
@@ -61,7 +59,7 @@ impl Exchange {
         (self.send.clear(command), self.receive.clear(telegrams_max))
     }
 
-    /// Evaluates the outputs.
+    /// Evaluates the outputs: what the host's two nibbles ask for.
     pub(crate) fn look(&mut self) -> Step {
         let (acknowledgement, command) = nibbles(self.outputs());
         if command == RESET || acknowledgement == RESET {

@@ -11,7 +11,7 @@ use super::exchange::{Exchange, Step};
 use super::{receive, send};
 use ob1_words::cp040::{Area, IDLE, IO_BYTES};
 
-/// What can happen.
+/// What can happen, in any order.
 #[derive(Debug, Clone)]
 enum Act {
     /// A call of the program's send block.

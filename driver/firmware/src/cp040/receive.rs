@@ -36,7 +36,7 @@ enum State {
 /// The effect of the host's acknowledgement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing to do.
+    /// Nothing to do: the shown piece is not acknowledged, or none is shown.
     Wait,
     /// Another piece is shown.
     Offered,

@@ -23,7 +23,7 @@ enum State {
 /// The effect of the host's command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing to do.
+    /// Nothing to do: no new command.
     Wait,
     /// A fragment was stored.
     Stored,
@@ -66,7 +66,7 @@ impl SendSide {
         matches!(self.state, State::Transmitting { .. })
     }
 
-    /// The complete telegram.
+    /// The complete telegram, until its order has ended.
     pub(crate) fn telegram(&self) -> &[u8] {
         &self.buffer[..self.length]
     }

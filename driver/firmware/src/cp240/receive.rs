@@ -20,7 +20,7 @@ enum State {
 /// The effect of the CPU's echo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing to do.
+    /// Nothing to do: the shown block is not echoed, or none is shown.
     Wait,
     /// Another block is shown.
     Offered,
@@ -65,7 +65,7 @@ impl ReceiveSide {
         self.area = if area { AREA } else { 0 };
     }
 
-    /// `RX`.
+    /// The count word `RX` as it is shown.
     pub(crate) const fn word(&self) -> u16 {
         match self.state {
             State::Idle | State::Closing => 0,
@@ -92,7 +92,7 @@ impl ReceiveSide {
         &self.block[..usize::from(self.rest()).min(BLOCK_BYTES)]
     }
 
-    /// Evaluates `RX echo`.
+    /// Evaluates `RX echo`: whether the CPU has taken what `RX` shows.
     pub(crate) fn look(&mut self, echo: u16) -> Step {
         if self.area != 0 && echo == OUTSIDE && matches!(self.state, State::Offered { .. }) {
             self.ring.pop();

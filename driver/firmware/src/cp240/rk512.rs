@@ -59,7 +59,7 @@ impl Cp240 {
         }
     }
 
-    /// Evaluates `RX echo`.
+    /// Evaluates `RX echo`: whether the CPU has taken an order of the partner or a result.
     pub(super) fn look_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if let Some((Offer::Partner, length)) = self.rk512.look(rx_word(&self.outputs)) {
             port.count(CpCounter::Delivered, 1);

@@ -35,7 +35,7 @@ impl Offer {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
-    /// `RX` is 0.
+    /// Nothing is shown: `RX` is 0.
     Idle,
     /// `RX` is the framing and `rest`, with its block.
     Offered { what: Offer, rest: usize },
@@ -71,7 +71,7 @@ impl<const N: usize> Record<N> {
 /// A telegram of the CPU, parsed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Handed<'a> {
-    /// An order.
+    /// An order of the CPU, with its data.
     Order(Request, &'a [u8]),
     /// An invalid order: its header or its length is wrong.
     BadOrder,
@@ -199,7 +199,7 @@ impl Rk512Side {
 
     // ---- the registers ----
 
-    /// `RX`.
+    /// The count word `RX` as it is shown.
     pub(crate) const fn rx(&self) -> u16 {
         match self.state {
             State::Idle | State::Closing => 0,

@@ -34,7 +34,7 @@ enum State {
 /// The effect of the CPU's count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing to do.
+    /// Nothing to do: the count has not changed.
     Wait,
     /// A block was stored: the echo has changed.
     Stored,
@@ -112,7 +112,7 @@ impl SendSide {
         }
     }
 
-    /// Longest telegram.
+    /// Longest telegram in bytes; with RK 512 its header is added.
     const fn limit(&self) -> usize {
         if self.framed { BUFFER_BYTES + HEADER_BYTES } else { BUFFER_BYTES }
     }
@@ -133,12 +133,12 @@ impl SendSide {
         matches!(self.state, State::Transmitting { .. })
     }
 
-    /// The complete telegram.
+    /// The complete telegram, until its order has ended.
     pub(crate) fn telegram(&self) -> &[u8] {
         &self.buffer[..self.length]
     }
 
-    /// `TX echo`.
+    /// The word `TX echo` as it is shown.
     pub(crate) const fn echo(&self) -> u16 {
         match self.state {
             State::Idle | State::Closing => 0,

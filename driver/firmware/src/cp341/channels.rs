@@ -12,8 +12,8 @@ use super::{Channel, ChannelBlock, Cp341, Job, request, send};
 use crate::port::{Cp as _, CpCounter, CpEvent, CpPort};
 use ob1_words::channels::{Offered as Kind, Refusal as Reason};
 
-/// A telegram that the CPU has no room for is offered again after this time. (ours; "repeated attempts" [reference
-/// 1.7])
+/// A telegram that the CPU has no room for is offered again after this time. (ours; "repeated attempts"
+/// [TIA help "PtP data link CP 341"])
 const AGAIN: Span = Span::from_millis(1_000);
 
 impl Cp341 {
@@ -29,7 +29,7 @@ impl Cp341 {
     }
 
     /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after
-    /// it had been handed over is still being transmitted. [reference 1.2]
+    /// it had been handed over is still being transmitted. [TIA help "PtP data link CP 341"]
     pub(super) fn begin(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.sending.is_some() || self.protocol.busy() || !self.send.is_running() {
             return;
@@ -40,7 +40,7 @@ impl Cp341 {
         let (job, _) = self.send.job();
         self.parts.first_error = None;
         self.misprint = None;
-        // "Not allowed in this mode": a printer driver prints, and the others do not. [reference 3.7]
+        // "Not allowed in this mode": a printer driver prints, and the others do not. (docs/cp341-events.md)
         let is_printer = matches!(self.protocol, Protocol::Printer(..));
         if is_printer != (job.sf == Job::PRINT) {
             return self.job_ended(now, Err(0x0502), port);
@@ -227,7 +227,7 @@ impl Cp341 {
     }
 
     /// Makes a diagnostic entry if the CPU does not take what is offered. The protocol itself gives up the job of an RK
-    /// 512 partner, and the loadable driver has numbers of its own. [reference 1.7]
+    /// 512 partner, and the loadable driver has numbers of its own. [TIA help "PtP data link CP 341"]
     pub(super) fn watch_cpu(&mut self, now: Instant, port: &mut dyn CpPort) {
         let is_rk512 = self.protocol.rk512().is_some();
         let waits = self.cpu_running
@@ -249,7 +249,7 @@ impl Cp341 {
     }
 }
 
-/// STATUS of a job that P_RCV_RK has refused. [reference 3.5, 3.6, 3.8]
+/// STATUS of a job that P_RCV_RK has refused. (docs/cp341-events.md)
 const fn refusal(kind: Option<Kind>, reason: Reason) -> u16 {
     match (kind, reason) {
         (_, Reason::Locked) => 0x060F,

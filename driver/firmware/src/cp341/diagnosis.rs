@@ -1,4 +1,5 @@
-//! Faults of a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised. [reference 1.9]
+//! Faults of a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised.
+//! [CP 341 manual 09/2008, p. 204]
 
 use super::model::Model;
 use crate::diagnosis::{CLASS, DiagnosticBytes, OPEN_CIRCUIT};

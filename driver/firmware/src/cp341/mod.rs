@@ -178,7 +178,7 @@ impl Cp341 {
         self.model.kind
     }
 
-    /// Reports wire breaks and wrong parameters that have come or gone. [reference 1.9]
+    /// Reports wire breaks and wrong parameters that have come or gone. [CP 341 manual 09/2008, p. 204]
     fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
         let found = Faults { wire_break: self.parts.interrupted, parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
@@ -197,7 +197,8 @@ impl Cp341 {
     fn parametrise(&mut self, now: Instant, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
         self.parameters_wrong = parameters.is_err();
         match parameters {
-            // They come with each STOP -> RUN; the same ones change nothing. [reference 1.6]
+            // They come with each STOP -> RUN; the same ones change nothing.
+            // [TIA help "Configuration for point-to-point links"]
             Ok(new) if self.parameters.as_ref() == Some(new) => self.enter(now, 0x0004, port),
             Ok(new) => {
                 self.drop_all(now, port);
@@ -214,7 +215,7 @@ impl Cp341 {
                 self.parts.burst_gap = 4 * new.line_settings().char_time() + port.lateness();
                 self.parts.heard_once = !self.protocol.is_acknowledged();
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
-                // switches them itself. [reference 2.2], [S4 L590]
+                // switches them itself. [TIA help "PtP data link CP 341"], [S4 L590]
                 self.v24.off(port);
                 port.event(now, CpEvent::Working);
                 self.enter(now, 0x0003, port);
@@ -234,7 +235,7 @@ impl Cp341 {
         }
     }
 
-    /// New parameters: "active requests are aborted, telegrams in the CP are lost". [reference 1.6]
+    /// New parameters: "active requests are aborted, telegrams in the CP are lost". [CP 440 manual 03/2022]
     fn drop_all(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.is_working() {
             self.drive(now, Protocol::ABORT, port);
@@ -301,7 +302,7 @@ impl Cp341 {
         self.serve(now, port);
     }
 
-    /// RK 512 answers jobs of the partner with 2Ah while the CPU is in STOP. [reference 1.6]
+    /// RK 512 answers jobs of the partner with 2Ah while the CPU is in STOP. (docs/cp341.md)
     fn serve(&mut self, now: Instant, port: &mut dyn CpPort) {
         let serves = self.cpu_running;
         self.order_rk512(now, rk512::Order::Serve(serves), port);
@@ -418,7 +419,7 @@ impl Cp341 {
                 let offered = self.receive.offered().is_some();
                 let status = match error {
                     AnswerError::Line(_) => 0x0612,
-                    // "receive impossible: given up after 10 s" [reference 3.6]; in STOP there was no waiting.
+                    // "receive impossible: given up after 10 s" (docs/cp341-events.md); in STOP there was no waiting.
                     AnswerError::Withdrawn(Refusal::Mode) if self.cpu_running => {
                         self.enter(now, 0x0409, port);
                         0x0409
@@ -446,7 +447,7 @@ impl Cp341 {
     }
 }
 
-/// Capacity of the receive buffer: ASCII has parameters for it. [reference 6.2]
+/// Capacity of the receive buffer: ASCII has parameters for it. [TIA help "Configuration for point-to-point links"]
 const fn capacity(model: &Model, parameters: &Parameters) -> Capacity {
     match &parameters.protocol {
         Protocol341::Ascii(p) if p.overwrites => Capacity::of_bytes(model.bytes, 1).newest(),

@@ -2,21 +2,21 @@
 
 use ob1_params::CpKind;
 
-/// Longest job of any of them in bytes. [reference 1.1]
+/// Longest job of any of them in bytes. [TIA help "PtP data link CP 341"]
 pub(crate) const JOB_MAX: usize = 4096;
 
 /// Longest job, and longest telegram, of a CP 340. [CP 340 manual 04/2011, p. 67]
 pub(crate) const JOB_MAX_340: usize = 1024;
 
-/// A row.
+/// What one type of the family has of its own.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) kind: CpKind,
     /// Longest job, longest telegram, and size of the receive buffer, in bytes.
     pub(crate) bytes: usize,
-    /// STATUS of a job that is longer, or of no bytes. [reference 3.7]
+    /// STATUS of a job that is longer, or of no bytes. (docs/cp341-events.md)
     pub(crate) length: u16,
-    /// First byte of the diagnostic data when the parameters are wrong. [reference 1.9]
+    /// First byte of the diagnostic data when the parameters are wrong. [CP 341 manual 09/2008, p. 204]
     pub(crate) parameters_wrong: u8,
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Parts {
     /// Errors to report to P_RCV_RK.
     pub(crate) untold: Untold,
     pub(crate) leds: LedDriver,
-    /// First error of the job that is with the protocol. [reference 3.9]
+    /// First error of the job that is with the protocol. [TIA help "PtP data link CP 341"]
     pub(crate) first_error: Option<u16>,
     /// The line is gone, or was never there.
     pub(crate) line_gone: bool,
@@ -207,7 +207,7 @@ impl Outlet<'_> {
 }
 
 /// Event number of the CP 341: NAK during output is one of the "characters received while sending"; 0705h is the CP
-/// 441's. [reference 3.9]
+/// 441's. (docs/cp341-events.md)
 fn number(event: Event) -> Option<u16> {
     match event.number() {
         Some(0x0705) => Some(0x0704),
@@ -274,7 +274,7 @@ impl Sink for Outlet<'_> {
             SendError::Signals => first.unwrap_or(0x0818),
             SendError::Aborted => first.unwrap_or(0x0501),
             SendError::Busy => 0x0501,
-            // The job ends with its first error. [reference 3.9]
+            // The job ends with its first error. [TIA help "PtP data link CP 341"]
             SendError::AckDelay => first.unwrap_or(0x0708),
             SendError::Repetitions | SendError::Frame | SendError::NoRequest => first.unwrap_or(0x070A),
         }));

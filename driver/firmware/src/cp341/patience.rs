@@ -1,11 +1,11 @@
-//! How long something waits for P_RCV_RK, and when that is reported. [reference 1.7]
+//! How long something waits for P_RCV_RK, and when that is reported. [TIA help "PtP data link CP 341"]
 
 use ob1_protocols::{Instant, Span};
 
 /// "Temporarily": the CPU is slower than this. (ours)
 const SLOW: Span = Span::from_secs(1);
 
-/// "Given up after repeated attempts for 10 s." [reference 3.6, 0409h]
+/// "Given up after repeated attempts for 10 s." (0409h)
 const GIVEN_UP: Span = Span::from_secs(10);
 
 /// Watches one item at a time: the oldest.

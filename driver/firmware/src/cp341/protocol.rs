@@ -16,9 +16,9 @@ use crate::printer::Printer;
 use crate::protocol::{priority, stopped_by};
 use crate::reason::Reason;
 
-/// The running protocol.
+/// The protocol that the parameters have chosen, running.
 pub(crate) enum Protocol {
-    /// No valid parameters.
+    /// No valid parameters: nothing is sent or received.
     None,
     Plain(Plain),
     /// Output only: the input is XON and XOFF, or nothing.
@@ -193,17 +193,17 @@ impl Protocol {
     }
 
     /// Prints a job: returns the bytes for the line, and the STATUS with which the job ends after the output. With
-    /// another protocol there is no printer. [reference 3.7]
+    /// another protocol there is no printer. (docs/cp341-events.md)
     pub(crate) fn print(&mut self, job: &[u8]) -> Result<(Vec<u8>, Option<u16>), u16> {
         let Self::Printer(printer, _) = self else { return Err(0x0502) };
         printer.print(job).map(|printout| (printout.bytes, printout.fault.map(|fault| fault as u16)))
     }
 
-    /// Drops everything.
+    /// Drops the running order and what has been received of a telegram.
     pub(crate) const ABORT: Input<'static> = Input::Order(Order::Abort);
 }
 
-/// [reference 6]
+/// The configuration of the ASCII machine: what the parameters of `docs/cp341.md` mean to it.
 fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::Config {
     let zvz = u64::from(p.zvz_ms) * MS;
     let criterion = match p.end {

@@ -1,4 +1,5 @@
-//! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece. [reference 1.5]
+//! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece.
+//! [TIA help "PtP data link CP 341"]
 
 use super::model::JOB_MAX;
 use ob1_words::channels::{Block, ChannelBlock, Command, Header, Offered as Kind, Refusal, State, pieces, range};
@@ -10,7 +11,7 @@ enum Phase {
     Off,
     /// EN_R = 0: nothing is taken.
     Rest,
-    /// The block waits.
+    /// The block waits for an offer.
     Ready,
     /// Its header is shown.
     Offered,
@@ -32,7 +33,7 @@ enum Phase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Offer {
     pub(crate) kind: Kind,
-    /// Bytes.
+    /// Length of the data in bytes.
     pub(crate) len: usize,
     /// Letter of the area; 0: none.
     pub(crate) l_typ: u8,

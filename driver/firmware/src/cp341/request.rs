@@ -1,11 +1,12 @@
-//! RK 512: jobs of P_SND_RK as headers of telegrams, and headers of the partner as offers to P_RCV_RK. [reference 1.3]
+//! RK 512: jobs of P_SND_RK as headers of telegrams, and headers of the partner as offers to P_RCV_RK.
+//! [TIA help "PtP data link CP 341"]
 
 use ob1_protocols::rk512::{Area, Command, Coordination, Flag, Request};
 
 use super::receive::Offer;
 use ob1_words::channels::{Job, NO_FLAG, Offered as Kind};
 
-/// STATUS numbers of impossible parameters. [reference 3.5, 3.7]
+/// STATUS numbers of impossible parameters. (docs/cp341-events.md)
 const TYPE: u16 = 0x0301;
 const ADDRESS: u16 = 0x0514;
 const FLAG_BIT: u16 = 0x0515;
@@ -49,7 +50,7 @@ fn flag(job: &Job) -> Result<Option<Flag>, u16> {
     Ok(Some(Flag { byte, bit }))
 }
 
-/// "Without coordination flag and R_CPU_NO <= 1" FFh is sent: the default of R_CPU_NO is 1. [reference 4.2]
+/// "Without coordination flag and R_CPU_NO <= 1" FFh is sent: the default of R_CPU_NO is 1. (docs/cp341.md)
 fn cpu(job: &Job) -> Result<Option<u8>, u16> {
     match job.r_cpu_no {
         0 | 1 => Ok(None),
@@ -59,7 +60,7 @@ fn cpu(job: &Job) -> Result<Option<u8>, u16> {
 }
 
 /// The area of a letter at R_TYP: the German ones, and the English tools' for E, A and Z. Upper case only.
-/// [reference 1.1, 1.3]
+/// [TIA help "PtP data link CP 341"]
 fn area(letter: u8) -> Option<Area> {
     match letter {
         b'I' => Some(Area::Inputs),

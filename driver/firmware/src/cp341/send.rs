@@ -1,4 +1,4 @@
-//! The send channel: jobs of P_SND_RK, piece by piece. [reference 1.2]
+//! The send channel: jobs of P_SND_RK, piece by piece. [TIA help "PtP data link CP 341"]
 
 use super::model::{JOB_MAX, Model};
 use ob1_words::channels::{Block, ChannelBlock, Command, Job, State, pieces, range};
@@ -48,7 +48,6 @@ pub(crate) struct SendChannel {
     phase: Phase,
     start: u16,
     number: u16,
-    /// Jobs so far.
     jobs: u32,
     job: Job,
     data: Box<[u8; JOB_MAX]>,
@@ -83,7 +82,8 @@ impl SendChannel {
         (self.job, &self.data[..len])
     }
 
-    /// The data of a SEND in the length its request states: with an odd LEN a filler 00h is appended. [reference 1.3]
+    /// The data of a SEND in the length its request states: with an odd LEN a filler 00h is appended.
+    /// [TIA help "PtP data link CP 341"]
     pub(crate) fn padded(&mut self, bytes: usize) -> &[u8] {
         let len = self.job().1.len();
         if len == 0 {
@@ -168,7 +168,8 @@ impl SendChannel {
         self.phase = match outcome {
             Err(status) => Phase::Failed(status),
             Ok([]) => Phase::Done,
-            // More may have come than LEN states: with an odd LEN a filler is appended. [reference 1.3]
+            // More may have come than LEN states: with an odd LEN a filler is appended.
+            // [TIA help "PtP data link CP 341"]
             Ok(data) => {
                 self.fetched = data.len().min(self.len());
                 self.data[..self.fetched].copy_from_slice(&data[..self.fetched]);

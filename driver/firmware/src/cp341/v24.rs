@@ -1,4 +1,5 @@
-//! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [reference 2], `docs/cp341-channels.md`
+//! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [TIA help "PtP data link CP 341"],
+//! `docs/cp341-channels.md`
 
 use ob1_protocols::{Instant, ModemLines, Span};
 
@@ -7,7 +8,7 @@ use ob1_words::channels::v24::{CTS, DCD, DRIVES, DSR, DTR, RI, RTS};
 use crate::port::CpPort;
 use ob1_words::cp240::Registers;
 
-/// "The CP refreshes its status image every 20 ms". [reference 2.1]
+/// "The CP refreshes its status image every 20 ms". [TIA help "PtP data link CP 341"]
 const REFRESH: Span = Span::from_millis(20);
 
 /// The signals, and their image for the CPU.
@@ -29,7 +30,7 @@ impl V24 {
         Self { lines: None, rts: false, dtr: false, shown: 0, due: None, reset: 0, reset_shown: 0 }
     }
 
-    /// Both outputs OFF.
+    /// Switches RTS and DTR OFF.
     pub(crate) fn off(&mut self, port: &mut dyn CpPort) {
         (self.rts, self.dtr) = (false, false);
         port.rts(false);
@@ -61,7 +62,7 @@ impl V24 {
     }
 
     /// V24_SET. RTS does not belong to the program where flow control drives it, and neither signal does with automatic
-    /// use. [reference 2.2]
+    /// use. [TIA help "PtP data link CP 341"]
     pub(crate) fn set(
         &mut self,
         outputs: &Registers,

@@ -15,7 +15,7 @@ const PRECISION_MAX: usize = 99;
 /// A part of a printout.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Piece {
-    /// ANSI text.
+    /// Text in ANSI, not converted yet.
     Text(Vec<u8>),
     /// Control characters for the printer.
     Control(Vec<u8>),
@@ -26,13 +26,13 @@ pub(crate) enum Piece {
 }
 
 impl Piece {
-    /// Characters of text.
+    /// Number of characters that take room on the line.
     pub(crate) fn characters(&self) -> usize {
         if let Self::Text(text) = self { text.len() } else { 0 }
     }
 }
 
-/// A conversion statement.
+/// A conversion statement of the format string: `%` and what follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Conversion {
     left: bool,
@@ -108,7 +108,7 @@ enum Part {
 pub(crate) struct Source<'a> {
     parameters: &'a Parameters,
     variables: std::slice::Iter<'a, &'a [u8]>,
-    /// The first fault.
+    /// The first fault found; the printout goes on with replacements.
     fault: Option<Fault>,
 }
 

@@ -12,13 +12,13 @@ use ob1_params::printer::Printer as Parameters;
 use format::{Piece, Source};
 use page::Page;
 
-/// Maximum number of characters of a printout, without its layout. [reference 3.7, 0507h]
+/// Maximum number of characters of a printout, without its layout. (0507h)
 const CHARACTERS_MAX: usize = 250;
 
-/// Variables of a job. [reference 1.8]
+/// Variables of a job. [TIA help "PtP data link CP 341"]
 const VARIABLES: usize = 4;
 
-/// The fault of a job, as in STATUS and the diagnostic buffer. [reference 3.7]
+/// The fault of a job, as in STATUS and the diagnostic buffer. (docs/cp341-events.md)
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Fault {

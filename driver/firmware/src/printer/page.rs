@@ -10,7 +10,7 @@ use super::format::Piece;
 
 const FORM_FEED: u8 = 0x0C;
 
-/// The printer's position.
+/// Where the printer stands on the paper.
 #[derive(Debug, Clone)]
 pub(crate) struct Page {
     /// Number of this page; the first is 1. [CP 340 manual 04/2011, p. 85]

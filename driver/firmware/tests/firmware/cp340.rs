@@ -36,7 +36,7 @@ impl CpPort for Port {
     }
 }
 
-/// [CP 340 manual 04/2011, p. 143], [reference 1.9]
+/// [CP 340 manual 04/2011, p. 143], [CP 341 manual 09/2008, p. 204]
 #[test]
 fn wrong_parameters_of_a_cp_340_have_its_own_byte() {
     for (kind, byte) in [(CpKind::Cp340, 0x81), (CpKind::Cp341, 0x83)] {

@@ -1,5 +1,5 @@
 //! The CP 341 apart from its telegrams: entries of its diagnostic buffer, diagnostic interrupts, accompanying signals,
-//! jobs without parameters. [reference 1.6, 1.9, 2]
+//! jobs without parameters. (docs/cp341.md)
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
 use ob1_firmware::{Cp as _, CpInput, Instant, LineFault, LineInput, ModemLines, Span};
@@ -125,7 +125,7 @@ fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
     assert_eq!(interrupts(&log), [&told(true, WIRE_BREAK)]);
 }
 
-/// As on a pty: nothing holds the program back. [reference 2]
+/// As on a pty: nothing holds the program back. [TIA help "PtP data link CP 341"]
 #[test]
 fn a_line_without_modem_lines_shows_them_on() {
     let mut log = running().1;

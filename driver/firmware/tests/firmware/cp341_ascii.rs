@@ -1,6 +1,6 @@
 //! ASCII of the CP 341 (and the block check of 3964R) through a whole CP: end criteria, receive buffer, sending, and
-//! errors with their numbers at P_SND_RK or P_RCV_RK and in the diagnostic buffer. [reference 6], [reference 3.7 to
-//! 3.10]
+//! errors with their numbers at P_SND_RK or P_RCV_RK and in the diagnostic buffer.
+//! [TIA help "Configuration for point-to-point links"] (docs/cp341-events.md)
 
 use ob1_firmware::CpCounter;
 use ob1_params::Value;
@@ -38,7 +38,7 @@ fn a_bar_code_reader() {
     assert_eq!(bench.entries(), []);
 }
 
-/// "If ZVZ expires first: 0806h, fragment discarded." [reference 6.1]
+/// "If ZVZ expires first: 0806h, fragment discarded." [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_telegram_without_its_end_is_0806h() {
     let mut bench = by_end(&[]);
@@ -77,7 +77,7 @@ fn an_unreadable_character_is_told() {
 }
 
 /// The part of a 3964R frame that ASCII does not have: BCC. 0808h is entered with the NAK, and reported when the
-/// partner does not repeat. [reference 3.10]
+/// partner does not repeat. (docs/cp341-events.md)
 #[test]
 fn a_wrong_block_check_character_is_0808h() {
     let mut bench = Bench::new(&[("protocol", "3964r".into())]);
@@ -97,7 +97,7 @@ fn a_wrong_block_check_character_is_0808h() {
 
 // ---- the receive buffer ----
 
-/// 4096 bytes, oldest first; 080Ah when they are in use. [reference 6.2]
+/// 4096 bytes, oldest first; 080Ah when they are in use. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn the_receive_buffer_holds_4096_bytes() {
     let mut bench = by_end(&[]);
@@ -121,7 +121,7 @@ fn the_receive_buffer_holds_4096_bytes() {
     assert_eq!(bench.all(), [telegram(&long(8, 4096))], "the longest telegram");
 }
 
-/// 0816h: longer than the buffer. [reference 3.10]
+/// 0816h: longer than the buffer. (docs/cp341-events.md)
 #[test]
 fn a_telegram_longer_than_the_buffer_is_0816h() {
     let mut bench = by_end(&[("baud", Value::Int(115_200))]);
@@ -131,8 +131,8 @@ fn a_telegram_longer_than_the_buffer_is_0816h() {
     assert_eq!(bench.all(), [telegram(b"42\r\n")]);
 }
 
-/// 3964R: what is free of the buffer is too little for a block. That is not a block of a wrong length. [reference 3.10,
-/// 080Ah and 0816h]
+/// 3964R: what is free of the buffer is too little for a block. That is not a block of a wrong length.
+/// (080Ah and 0816h)
 #[test]
 fn a_block_that_finds_too_little_room_is_080ah() {
     let mut bench = Bench::new(&[("protocol", "3964r".into()), ("baud", Value::Int(115_200))]);
@@ -151,7 +151,7 @@ fn a_block_that_finds_too_little_room_is_080ah() {
     assert_eq!(bench.all(), [telegram(&[b'x'; 4000]), Got::Error(0x080A), telegram(&[b'x'; 96])]);
 }
 
-/// [reference 6.2]: 1 to 250 telegrams.
+/// [TIA help "Configuration for point-to-point links"]: 1 to 250 telegrams.
 #[test]
 fn as_many_telegrams_as_the_parameters_permit() {
     for (key, most) in [(None, 250), (Some(3), 3)] {
@@ -178,7 +178,8 @@ fn balanced(bench: &Bench, in_buffer: u64) {
     assert_eq!(received, delivered + dropped + in_buffer);
 }
 
-/// "1 telegram + no overwrite protection: always the newest telegram." [reference 6.2]
+/// "1 telegram + no overwrite protection: always the newest telegram."
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn the_newest_telegram_is_kept() {
     let mut bench = by_end(&[("receive_buffers", Value::Int(1)), ("prevent_overwriting", "no".into())]);
@@ -218,7 +219,8 @@ fn the_newest_telegram_is_kept() {
     balanced(&bench, 0);
 }
 
-/// "CP 341: not cleared at CPU start; old telegrams are delivered first after RUN." [reference 1.6]
+/// "CP 341: not cleared at CPU start; old telegrams are delivered first after RUN."
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn the_receive_buffer_is_kept_through_a_stop() {
     let mut bench = by_end(&[]);
@@ -234,7 +236,7 @@ fn the_receive_buffer_is_kept_through_a_stop() {
 
 // ---- sending ----
 
-/// The three ways of [reference 6.3].
+/// The three ways of [TIA help "Configuration for point-to-point links"].
 #[test]
 fn sending_with_end_characters() {
     let mut bench = by_end(&[]);
@@ -255,7 +257,7 @@ fn sending_with_end_characters() {
 }
 
 /// "A pause of at least ZVZ is kept between two telegrams (also between two FB 8 jobs)"; DONE comes before.
-/// [reference 6.3]
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn two_jobs_are_parted_by_zvz() {
     let pause = |keys: &[(&str, Value)]| {
@@ -274,7 +276,7 @@ fn two_jobs_are_parted_by_zvz() {
     assert!(pause(&[("end_criterion", "end-characters".into()), ("sending", "whole".into())]) < 5 * MS);
 }
 
-/// 0708h: XOFF or CTS OFF for longer than the waiting time. [reference 6.4]
+/// 0708h: XOFF or CTS OFF for longer than the waiting time. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn waiting_for_the_partner_ends_with_0708h() {
     let wait = ("flow_wait_ms", Value::Int(500));
@@ -294,8 +296,8 @@ fn waiting_for_the_partner_ends_with_0708h() {
     assert_eq!((bench.heard(), bench.entries()), (b"now".to_vec(), vec![0x0708]));
 }
 
-/// The partner is stopped when the number of telegrams is reached, and released when the CPU has taken one. [reference
-/// 6.4]
+/// The partner is stopped when the number of telegrams is reached, and released when the CPU has taken one.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn the_partner_is_stopped_by_the_number_of_telegrams() {
     let keys = [("flow", Value::from("xon-xoff")), ("receive_buffers", Value::Int(2)), ("zvz_ms", Value::Int(10))];

@@ -1,4 +1,5 @@
-//! RK 512 of the CP 341 through a whole CP: jobs of the partner at P_RCV_RK. [reference 4]
+//! RK 512 of the CP 341 through a whole CP: jobs of the partner at P_RCV_RK.
+//! [TIA help "Configuration for point-to-point links"]
 
 use crate::cp341_bench::{Bench, MS};
 

@@ -1,6 +1,6 @@
 //! The RS 232 secondary signals of a whole CP 341 on a line that has them: automatic use by the ASCII driver and by the
-//! loadable Modbus driver, V24_SET and V24_STAT beside it, BREAK. [S4 "4.3 RS 232C Secondary Signals"], [reference 2],
-//! [reference 6.5]
+//! loadable Modbus driver, V24_SET and V24_STAT beside it, BREAK. [S4 "4.3 RS 232C Secondary Signals"],
+//! [TIA help "PtP data link CP 341"], [TIA help "Configuration for point-to-point links"]
 
 use ob1_firmware::{Reason, Span, Why};
 use ob1_params::Value;
@@ -56,7 +56,8 @@ fn v24_set_is_without_effect_and_v24_stat_is_not() {
         bench.switches(false, false);
         assert_eq!(bench.v24_stat(), DTR);
     }
-    // With RTS/CTS flow control the program does not control RTS, but it controls DTR. [reference 2.2]
+    // With RTS/CTS flow control the program does not control RTS, but it controls DTR.
+    // [TIA help "PtP data link CP 341"]
     let mut bench = bench(&[("protocol", ASCII.into()), ("flow", "rts-cts".into())]);
     bench.v24_set(false, true);
     assert_eq!((bench.outputs(), bench.v24_stat() & (RTS | DTR)), ((true, true), RTS | DTR));

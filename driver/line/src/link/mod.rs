@@ -18,7 +18,7 @@ pub const RETRY: Span = Span::from_millis(500);
 
 /// The result of an attempt to open a line.
 pub(crate) enum Opened {
-    /// It is open.
+    /// It is open; the warnings name settings that it does not have.
     Yes(Vec<Warning>),
     /// Not yet (a connection is being made, or no partner has called yet): try again when a descriptor is ready, or at
     /// the given time.

@@ -23,7 +23,7 @@ struct Pty {
     master: TTYPort,
     /// Kept open so that the master does not read EIO each time the last partner closes.
     _slave: TTYPort,
-    /// `/dev/pts/N`.
+    /// The other end, `/dev/pts/N`.
     device: PathBuf,
     path: PathBuf,
 }

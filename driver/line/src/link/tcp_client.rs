@@ -28,7 +28,7 @@ enum State {
     Open(TcpStream),
 }
 
-/// The connecting end.
+/// The end that connects, again and again until somebody listens.
 pub(crate) struct ClientLink {
     host: String,
     port: u16,

@@ -26,7 +26,7 @@ const REMEMBERED: usize = 8;
 pub struct Frame {
     /// Time of one character.
     pub char_time: Span,
-    /// Its parity.
+    /// Parity bit of a character.
     pub parity: Parity,
     /// Data bits, 5 to 8.
     pub data_bits: u8,
@@ -69,9 +69,9 @@ pub struct BusConfig {
     pub half_duplex: bool,
     /// Panic when two send at the same time on two wires, or when time goes back.
     pub strict: bool,
-    /// Permanent faults.
+    /// Faults that are always there.
     pub faults: FaultRates,
-    /// Temporary faults.
+    /// Faults that come in bursts; `None`: there are none.
     pub bursts: Option<Bursts>,
 }
 

@@ -20,12 +20,12 @@ pub struct FaultRates {
     pub framing: u32,
     /// The character comes as a break.
     pub break_: u32,
-    /// Longest delay.
+    /// Longest delay of a character that comes late.
     pub delay_max: Span,
 }
 
 impl FaultRates {
-    /// No faults.
+    /// No faults: every rate is 0.
     pub const NONE: Self =
         Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: Span::ZERO };
 

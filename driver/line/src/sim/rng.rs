@@ -13,7 +13,7 @@ impl SplitMix64 {
         Self(seed)
     }
 
-    /// The next number.
+    /// The next number of the sequence, evenly spread over all 64 bits.
     pub fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;

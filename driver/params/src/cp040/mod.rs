@@ -19,9 +19,9 @@ pub struct Cp040 {
     /// The common part with a CP 240: the character frame, and the protocol with its own parameters. Times are in
     /// milliseconds, of ASCII, STX/ETX and Modbus in steps of 1 (0..65535), of 3964(R) in steps of 20.
     pub common: Cp240,
-    /// Operating mode.
+    /// Operating mode of the interface: two wires or four.
     pub duplex: Duplex,
-    /// Line preset.
+    /// Level of an open receive line.
     pub preset: Preset,
 }
 
@@ -30,7 +30,7 @@ pub struct Cp040 {
 pub enum Duplex {
     /// Two wires, RS485: one side at a time sends, and receives its own characters.
     Half,
-    /// Four wires, RS422.
+    /// Four wires, RS422: both sides may send at the same time.
     Full,
 }
 
@@ -63,7 +63,7 @@ impl Cp040 {
     /// ASCII. [S0 L2118] says so of the CP 240; the CP 040's manual is silent (ours).
     ///
     /// # Errors
-    /// As [`Cp040::decode`].
+    /// A code that the table does not have, as [`Cp040::decode`] names it.
     pub fn of_bytes(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         if *bytes == [0; 16] { Self::defaults("ascii") } else { Self::decode(bytes) }
     }
@@ -73,7 +73,7 @@ impl Cp040 {
     /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
     ///
     /// # Errors
-    /// [`ParamError`], with the byte.
+    /// [`ParamError`]: the first code that the tables do not have, with its byte.
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = CP040.check(bytes)?;
         Self::read(bytes, name, layout)

@@ -33,7 +33,7 @@ const RATES: [(&str, u8); table::RATES.len() + 1] = {
 
 const BAUD: Kind = Kind::Choice(&RATES);
 
-/// Different from the CP 240, where hardware is 01b and XON/XOFF 10b. [reference 7.5]
+/// Different from the CP 240, where hardware is 01b and XON/XOFF 10b. [HB300 manual 18-28, p. 60, 65]
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b10), ("xon-xoff", 0b11)]);
 /// "ZVZ parameterizable in ms steps" [S3 L291]
 const MS: Kind = Kind::Number { min: 0, max: 65_535 };

@@ -1,8 +1,9 @@
 //! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and
 //! at a CP 341 also with end characters or after a number of characters.
 //!
-//! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are
-//! independent of each other (full duplex). An order is done when ZNA has run out after the last bit.
+//! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"],
+//! [TIA help "Configuration for point-to-point links"]. Sending and receiving are independent of each other (full
+//! duplex). An order is done when ZNA has run out after the last bit.
 //!
 //! Flow control: XON/XOFF or RTS/CTS. The partner's XOFF (CTS OFF) stops the output; an order that waits longer than
 //! [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF mode the two
@@ -24,30 +25,31 @@ use receive::Receive;
 /// Bytes in a block of ASCII-fragmented: one exchange over the back plane carries as many.
 pub const FRAGMENT: usize = 12;
 
-/// What ends a received telegram. [reference 6.1]
+/// What ends a received telegram. [TIA help "Configuration for point-to-point links"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Criterion {
-    /// ZVZ.
+    /// A silence of ZVZ.
     Silence,
     /// ZVZ; each 12 bytes are passed on as they come, the rest with the end. [S0 "ASCII-fragmented"]
     Fragments,
     /// One or two end characters; they belong to the telegram.
     Characters {
-        /// The characters.
+        /// The end characters, one or two.
         end: Flags,
         /// How they affect a telegram that is sent.
         sending: Sending,
     },
-    /// This many characters.
+    /// This number of characters.
     Length(usize),
 }
 
-/// Which part of a telegram is sent when telegrams end with end characters. [reference 6.3]
+/// Which part of a telegram is sent when telegrams end with end characters.
+/// [TIA help "Configuration for point-to-point links"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sending {
     /// Everything up to and including the first end characters; without them the order fails.
     Through,
-    /// Everything.
+    /// Everything, whatever it contains.
     Whole,
     /// Everything, followed by the end characters; the order fails when the buffer does not hold both.
     Appended,
@@ -58,7 +60,7 @@ pub enum Sending {
 pub struct Config {
     /// What ends a telegram.
     pub criterion: Criterion,
-    /// Flow control.
+    /// Who may stop the sender, and how.
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
     pub zna: Span,
@@ -130,7 +132,7 @@ impl<const N: usize> Ascii<N> {
         Self { config, line }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }

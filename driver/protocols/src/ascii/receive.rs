@@ -1,4 +1,5 @@
-//! Characters to telegrams: where a telegram ends. [S0 "Communication via back plane bus"], [reference 6.1]
+//! Characters to telegrams: where a telegram ends. [S0 "Communication via back plane bus"],
+//! [TIA help "Configuration for point-to-point links"]
 //!
 //! | end criterion | a telegram ends | ZVZ expires before |
 //! |---|---|---|

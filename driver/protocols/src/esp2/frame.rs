@@ -55,7 +55,7 @@ pub enum Step {
     Wrong {
         /// Computed from what came in.
         computed: u8,
-        /// Received.
+        /// The check sum that came in.
         received: u8,
     },
 }
@@ -92,7 +92,7 @@ impl Decoder {
         self.len > 0
     }
 
-    /// Takes one character.
+    /// Takes one character; reports a frame with its last character.
     pub fn feed(&mut self, byte: u8) -> Step {
         // Never full here: a window of FRAME_BYTES is evaluated below.
         if let Some(place) = self.window.get_mut(self.len) {

@@ -47,7 +47,7 @@ impl Config {
 /// State of the module's ID base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Base {
-    /// Not asked yet.
+    /// The module was not asked for it yet.
     Unasked,
     /// Asked, for the n-th time; nothing else is sent until then.
     Asked { attempt: u8, until: Instant },

@@ -9,7 +9,7 @@ pub const SEND_TELEGRAMS: usize = 2048 / FRAME_BYTES;
 /// What the CPU may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outgoing {
-    /// Eleven bytes.
+    /// A telegram of eleven bytes.
     Telegram(Bytes),
     /// The single byte AAh.
     Wake,

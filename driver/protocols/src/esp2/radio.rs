@@ -10,22 +10,22 @@ use super::frame::Bytes;
 pub enum Radio {
     /// 05h, RPS: a PTM switch module.
     Rps {
-        /// What was pressed.
+        /// What was pressed or released.
         switch: Switch,
         /// T21: PTM type 2. The TCM 120 sends no other.
         type_2: bool,
         /// ID of the sender.
         id: u32,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
     /// 06h, 1BS: a 1 byte STM sensor.
     Bs1 {
-        /// DATA_BYTE3.
+        /// DATA_BYTE3: the value of the sensor.
         data: u8,
         /// ID of the sender.
         id: u32,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
     /// 07h, 4BS: a 4 byte STM sensor.
@@ -36,36 +36,36 @@ pub enum Radio {
         digital: u8,
         /// ID of the sender.
         id: u32,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
     /// 08h, HRC: a CTM module in HRC operation.
     Hrc {
-        /// RID, UD, PR.
+        /// RID, UD: which button.
         button: Button,
-        /// PR: pushed.
+        /// PR: the button is pushed.
         pressed: bool,
         /// SR: store, otherwise recall; for the scene switch alone.
         store: bool,
         /// ID of the sender.
         id: u32,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
     /// 0Ah, 6DT: modem telegram.
     Modem {
-        /// DATA_BYTE5 first.
+        /// The six data bytes, DATA_BYTE5 first.
         data: [u8; 6],
         /// ID of the receiving modem.
         address: u16,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
     /// 0Bh, MDA: modem acknowledge telegram.
     ModemAck {
         /// ID of the modem.
         address: u16,
-        /// RP_COUNTER.
+        /// RP_COUNTER, 0 to 15.
         repeater: u8,
     },
 }
@@ -84,7 +84,7 @@ pub struct Button {
 pub enum Switch {
     /// NU = 1, N-message.
     N {
-        /// RID, UD.
+        /// RID, UD: which button.
         button: Button,
         /// PR: energy bow pressed, otherwise released.
         pressed: bool,
@@ -232,7 +232,7 @@ impl Radio {
         }
     }
 
-    /// RP_COUNTER.
+    /// RP_COUNTER: 0 for the original message, higher for a repetition.
     pub const fn repeater(&self) -> u8 {
         match *self {
             Self::Rps { repeater, .. }

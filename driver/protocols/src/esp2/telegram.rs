@@ -26,7 +26,7 @@ pub enum Telegram {
     Command(Command),
     /// 8Bh: a message of the TCM 120.
     Message(Message),
-    /// Anything else.
+    /// Anything else; its bytes are kept.
     Unknown(Bytes),
 }
 
@@ -43,11 +43,11 @@ pub enum Command {
     RdRxSensitivity,
     /// 09h: sleep until WAKE.
     Sleep,
-    /// 0Ah: restart.
+    /// 0Ah: restart the module.
     Reset,
     /// 28h: modem on, with this ID; 0: with the one stored.
     ModemOn(u16),
-    /// 2Ah: modem off.
+    /// 2Ah: switch the modem off.
     ModemOff,
     /// 68h: answer with INF_MODEM_STATUS.
     RdModemStatus,
@@ -60,7 +60,7 @@ pub enum Command {
 pub enum Message {
     /// 89h: one of the 15 lines after a start, ASCII padded with zeros.
     InfInit([u8; 9]),
-    /// 58h: done.
+    /// 58h: the command was carried out.
     Ok,
     /// 19h: could not be done.
     Err,
@@ -70,9 +70,9 @@ pub enum Message {
     InfRxSensitivity(bool),
     /// A8h: the modem's state and ID.
     InfModemStatus {
-        /// 01h.
+        /// 01h: the modem is on.
         on: bool,
-        /// Its ID.
+        /// ID of the modem.
         id: u16,
     },
     /// 8Ch: version, position 1 first.
@@ -94,13 +94,13 @@ pub enum Message {
 /// The wrong field of a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
-    /// 08h.
+    /// 08h: H_SEQ is wrong.
     HSeq,
-    /// 09h.
+    /// 09h: LENGTH is wrong.
     Length,
-    /// 0Ah.
+    /// 0Ah: CHK_SUM is wrong.
     ChkSum,
-    /// 0Bh.
+    /// 0Bh: ORG is wrong.
     Org,
 }
 
@@ -182,7 +182,7 @@ impl Command {
         }
     }
 
-    /// The manual's name.
+    /// The manual's name of the command.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::RdIdBase => "RD_IDBASE",
@@ -250,7 +250,7 @@ impl Message {
         }
     }
 
-    /// The manual's name.
+    /// The manual's name of the message.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::InfInit(_) => "INF_INIT",

@@ -3,7 +3,7 @@
 use super::frame::FRAME_MAX;
 use crate::machine::{MS, Span};
 
-/// Times of [`MBus`](super::MBus).
+/// Times of [`MBus`](super::MBus): most in bit times, because each telegram names its baud rate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// The answer's first character must come within this many bit times ...

@@ -33,18 +33,18 @@ pub const FROM_MASTER: u8 = 0x40;
 pub enum Frame<'a> {
     /// The single character E5h.
     Single,
-    /// Without CI field.
+    /// Four-byte frame without CI field and data.
     Short {
         /// C field: function and direction.
         c: u8,
-        /// A field: address.
+        /// A field: address of the slave.
         a: u8,
     },
     /// Control frame (no user data) or long frame.
     Long {
         /// C field: function and direction.
         c: u8,
-        /// A field: address.
+        /// A field: address of the slave.
         a: u8,
         /// CI field: the kind of user data.
         ci: u8,
@@ -66,7 +66,7 @@ pub enum FrameError {
     Check {
         /// Computed from what came in.
         computed: u8,
-        /// Received.
+        /// The check sum that came in.
         received: u8,
     },
     /// The last character is not 16h.

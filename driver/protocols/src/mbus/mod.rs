@@ -57,7 +57,7 @@ const OUTPUT_GRACE: Span = Span::SECOND;
 /// How often the receive buffer is checked while an order waits for room in it.
 const ROOM_POLL: Span = Span::from_millis(20);
 
-/// The master.
+/// The M-Bus master as a machine.
 #[derive(Clone, Debug)]
 pub struct MBus {
     config: Config,
@@ -104,7 +104,7 @@ enum State {
 }
 
 impl MBus {
-    /// An idle master.
+    /// An idle master without an order.
     pub fn new(config: Config) -> Self {
         Self {
             config,

@@ -27,7 +27,7 @@ pub struct Change {
     pub bytes: usize,
 }
 
-/// Both areas.
+/// Both areas of a slave.
 #[derive(Clone, Debug)]
 pub struct Areas {
     size: usize,
@@ -46,12 +46,12 @@ impl Areas {
         Self { size, input: [0; AREA_BYTES], output: [0; AREA_BYTES], stored: [0; AREA_BYTES], changed: 0 }
     }
 
-    /// The input area.
+    /// The input area, which the CPU fills and the master reads.
     pub fn input(&self) -> &[u8] {
         self.input.get(..self.size).unwrap_or(&[])
     }
 
-    /// The output area.
+    /// The output area, which the master writes.
     pub fn output(&self) -> &[u8] {
         self.output.get(..self.size).unwrap_or(&[])
     }

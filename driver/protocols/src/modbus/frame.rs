@@ -21,7 +21,7 @@ const BUFFER: usize = TELEGRAM_BYTES + 2;
 /// How telegrams are separated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// RTU or ASCII.
+    /// RTU (bytes) or ASCII (digits).
     pub mode: Mode,
     /// Time of one character on the line.
     pub char_time: Span,
@@ -77,7 +77,7 @@ impl Config {
 /// A telegram has ended: whole, or not.
 pub type End = Result<(), Failure>;
 
-/// Assembles telegrams.
+/// Assembles telegrams of characters and their times.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     config: Config,
@@ -118,7 +118,7 @@ impl Receiver {
         }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub const fn config(&self) -> &Config {
         &self.config
     }

@@ -15,7 +15,7 @@ use crate::machine::{
     Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, What, earliest,
 };
 
-/// Configuration of [`Master`].
+/// Configuration of [`Master`]: framing and patience.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// How telegrams are framed.
@@ -59,7 +59,7 @@ enum State {
     },
 }
 
-/// A Modbus master.
+/// A Modbus master as a machine: one order at a time.
 #[derive(Clone, Debug)]
 pub struct Master {
     config: Config,
@@ -76,7 +76,7 @@ impl Master {
         Self { config, state: State::Idle, receiver, request: [0; TELEGRAM_BYTES], len: 0 }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub const fn config(&self) -> &Config {
         &self.config
     }

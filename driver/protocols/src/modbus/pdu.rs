@@ -23,11 +23,11 @@ pub const READ_WRITE_WORDS: u8 = 0x17;
 /// Maximum number of bits or words of one request by the specification, which couplers observe (a CP allows up to
 /// [`DATA_BYTES`]).
 pub const READ_BITS_MAX: u16 = 2000;
-/// As [`READ_BITS_MAX`]: 0Fh.
+/// Maximum of bits that one request 0Fh writes (see [`READ_BITS_MAX`]).
 pub const WRITE_BITS_MAX: u16 = 1968;
 /// As [`READ_BITS_MAX`]: 03h, 04h, and what 17h reads.
 pub const READ_WORDS_MAX: u16 = 125;
-/// As [`READ_BITS_MAX`]: 10h.
+/// Maximum of words that one request 10h writes (see [`READ_BITS_MAX`]).
 pub const WRITE_WORDS_MAX: u16 = 123;
 /// As [`READ_BITS_MAX`]: what 17h writes.
 pub const READ_WRITE_WORDS_MAX: u16 = 121;
@@ -120,46 +120,46 @@ pub enum Exception {
     Value = 3,
 }
 
-/// A parsed request.
+/// A request whose function code and length are valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {
-    /// 01h, 02h.
+    /// 01h, 02h: reads bits of an area.
     ReadBits {
         /// Of the input area (02h) or the output area (01h).
         input: bool,
-        /// First bit.
+        /// Number of the first bit, from 0.
         first: u16,
         /// Number of bits, 1 to 2000.
         count: u16,
     },
-    /// 03h, 04h.
+    /// 03h, 04h: reads words of an area.
     ReadWords {
         /// Of the input area (04h) or the output area (03h).
         input: bool,
-        /// First word.
+        /// Number of the first word, from 0.
         first: u16,
         /// Number of words, 1 to 125.
         count: u16,
     },
-    /// 05h.
+    /// 05h: writes a bit of the output area.
     WriteBit {
-        /// The bit.
+        /// Number of the bit, from 0.
         at: u16,
         /// 0000h: false, FF00h: true.
         on: bool,
     },
-    /// 0Fh.
+    /// 0Fh: writes bits of the output area.
     WriteBits {
-        /// First bit.
+        /// Number of the first bit, from 0.
         first: u16,
         /// Number of bits, 1 to 2000.
         count: u16,
         /// Their bytes, lowest bit first.
         data: &'a [u8],
     },
-    /// 06h and 10h.
+    /// 06h and 10h: write words of the output area.
     WriteWords {
-        /// First word.
+        /// Number of the first word, from 0.
         first: u16,
         /// Their bytes, high byte first.
         data: &'a [u8],
@@ -244,9 +244,9 @@ const fn check(good: bool) -> Result<(), Exception> {
 /// Direction of a telegram, which determines its length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// Master to slave.
+    /// Master to slave: a request.
     Request,
-    /// Slave to master.
+    /// Slave to master: an answer, or an exception.
     Answer,
 }
 
@@ -275,7 +275,7 @@ pub enum Match {
     Foreign,
     /// Shorter than its own function code and number of bytes say.
     Short,
-    /// Longer than that.
+    /// Longer than its own function code and number of bytes say.
     Long,
 }
 

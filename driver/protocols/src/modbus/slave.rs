@@ -12,7 +12,7 @@ use super::pdu::{BROADCAST, Direction, ERROR_BIT, Exception, Function, Request};
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES};
 use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, What};
 
-/// Configuration of [`Slave`].
+/// Configuration of [`Slave`]: framing, address, areas.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// How telegrams are framed.
@@ -46,7 +46,7 @@ enum State {
     Output,
 }
 
-/// A Modbus slave.
+/// A Modbus slave as a machine.
 #[derive(Clone, Debug)]
 pub struct Slave {
     config: Config,
@@ -70,12 +70,12 @@ impl Slave {
         Self { config, state: State::Listen, receiver, areas, with_cpu: None, written: 0..0, answer, len: 0 }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub const fn config(&self) -> &Config {
         &self.config
     }
 
-    /// The areas.
+    /// The two areas as they are now.
     pub const fn areas(&self) -> &Areas {
         &self.areas
     }

@@ -9,7 +9,7 @@ use super::failure::Failure;
 pub const HEAD_BYTES: usize = 6;
 /// Longest telegram: unit and 253 bytes of function code and data.
 pub const TELEGRAM_BYTES: usize = 254;
-/// Longest frame.
+/// Longest frame: header and longest telegram, in bytes.
 pub const FRAME_BYTES: usize = HEAD_BYTES + TELEGRAM_BYTES;
 /// Unit and function code.
 const SHORTEST: usize = 2;

@@ -9,7 +9,7 @@ use crate::signals::Times;
 pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_400, 76_800];
 
 /// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the time of 0409h
-/// [reference 3.6].
+/// (docs/cp341-events.md).
 const TRANSFER: Span = Span::from_secs(10);
 
 /// Maximum of the times in the parameters, ms. [S4 "3.6.3 RS232 Secondary Signals"]
@@ -60,13 +60,13 @@ impl Default for Signals {
 /// The parameters as assigned: unchecked, because the driver itself checks them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameters {
-    /// One of [`BAUD_RATES`].
+    /// Bits per second, one of [`BAUD_RATES`].
     pub baud: u32,
-    /// 7.
+    /// Data bits of a character: 7.
     pub data_bits: u8,
     /// 1 or 2, as the parity demands.
     pub stop_bits: u8,
-    /// Parity.
+    /// Parity bit of a character.
     pub parity: Parity,
     /// Character delay time, 1 to 6500 ms.
     pub character_delay_ms: u32,
@@ -76,9 +76,9 @@ pub struct Parameters {
     pub turnaround_ms: u32,
     /// 0 normal operation, 1 interference suppression; everything else is illegal.
     pub operating_mode: u8,
-    /// "With 32-Bit Registers".
+    /// "With 32-Bit Registers": registers have four bytes.
     pub long_registers: bool,
-    /// The line.
+    /// Two or four wires, and what an open line reads as.
     pub wiring: Wiring,
     /// Automatic use of the RS 232C secondary signals; `None`: they are neither set nor checked.
     pub signals: Option<Signals>,
@@ -87,9 +87,9 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Normal operation.
+    /// Normal operation: each fault ends the reply.
     pub const NORMAL: u8 = 0;
-    /// Interference suppression.
+    /// Interference suppression: faults outside of a reply are ignored.
     pub const INTERFERENCE_SUPPRESSION: u8 = 1;
 }
 
@@ -142,7 +142,7 @@ impl Parameters {
         if self.operating_mode > Self::INTERFERENCE_SUPPRESSION {
             refuse(number::OPERATING_MODE);
         }
-        // The driver's own list has no number for these; the CP has one (our choice). [reference 3.4]
+        // The driver's own list has no number for these; the CP has one (our choice). (docs/cp341-events.md)
         let signals_fit = self.signals.is_none_or(|s| s.rts_off_ms.max(s.output_wait_ms) <= SIGNAL_MS_MAX);
         if !BAUD_RATES.contains(&self.baud) || self.stop_bits != stop_bits_of(self.parity) || !signals_fit {
             refuse(number::PARAMETERS);

@@ -19,34 +19,34 @@ pub const SOURCE_MAX: usize = 4096;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Function {
-    /// 01.
+    /// 01, Read Coils: bits of the output area.
     ReadCoils = 1,
-    /// 02.
+    /// 02, Read Discrete Inputs.
     ReadInputs = 2,
-    /// 03.
+    /// 03, Read Holding Registers.
     ReadHoldingRegisters = 3,
-    /// 04.
+    /// 04, Read Input Registers.
     ReadInputRegisters = 4,
-    /// 05.
+    /// 05, Write Single Coil.
     WriteCoil = 5,
-    /// 06.
+    /// 06, Preset Single Register.
     WriteRegister = 6,
-    /// 07.
+    /// 07, Read Exception Status.
     ReadExceptionStatus = 7,
-    /// 08.
+    /// 08, Loop Back Diagnostic Test.
     LoopBack = 8,
-    /// 11.
+    /// 11, Fetch Communications Event Counter.
     EventCounter = 11,
-    /// 12.
+    /// 12, Fetch Communications Event Log.
     EventLog = 12,
-    /// 15.
+    /// 15, Write Multiple Coils.
     WriteCoils = 15,
-    /// 16.
+    /// 16, Write Multiple Registers.
     WriteRegisters = 16,
 }
 
 impl Function {
-    /// All of them.
+    /// All functions, by rising code.
     pub const ALL: [Self; 12] = [
         Self::ReadCoils,
         Self::ReadInputs,
@@ -94,9 +94,9 @@ impl Job {
     /// The length is checked first [S4 L1634], then the content of the area from front to back.
     ///
     /// # Errors
-    /// The event number.
+    /// The event number with which the job ends; nothing is sent.
     pub fn of(r_typ: u8, source: &[u8], long_registers: bool) -> Result<Self, u16> {
-        // The manual's own example writes 'x'. [S4 L2030], [reference 1.1]
+        // The manual's own example writes 'x'. [S4 L2030], [TIA help "PtP data link CP 341"]
         if !r_typ.eq_ignore_ascii_case(&b'X') {
             return Err(number::R_TYP);
         }
@@ -118,7 +118,7 @@ impl Job {
         Ok(job)
     }
 
-    /// The function.
+    /// The function code of the request.
     pub const fn function(&self) -> Function {
         self.function
     }

@@ -45,7 +45,7 @@ pub const FRAME_CHARACTERS: usize = 2 * (TELEGRAM_BYTES + 1) + 3;
 /// Maximum bytes of a destination area: 2008 bits are 251 bytes, in whole words.
 pub const DESTINATION_BYTES: usize = 252;
 
-/// What happened.
+/// What happened: a character, a signal, a time or an order.
 pub type Input<'a> = crate::machine::Input<'a, Order<'a>>;
 
 /// An order of the CPU.
@@ -54,9 +54,9 @@ pub enum Order<'a> {
     /// A job of P_SND_RK: `R_TYP` and the source area, LEN bytes of it. It ends with [`Owner::ended`], exactly once.
     /// While one runs, another is answered at once with [`number::BUSY`]; the first continues.
     Job {
-        /// Parameter `R_TYP`.
+        /// Parameter `R_TYP` of the call: `X` is required.
         r_typ: u8,
-        /// Source area.
+        /// Source area: slave address, function code, words.
         source: &'a [u8],
     },
     /// P_RCV_RK has taken the delivered data (`true`), or cannot take them (`false`, after the reason was entered in
@@ -103,7 +103,7 @@ enum State {
     },
 }
 
-/// The driver.
+/// The loadable driver as a machine.
 #[derive(Clone, Debug)]
 pub struct Driver {
     parameters: Parameters,

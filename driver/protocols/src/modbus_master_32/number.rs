@@ -2,15 +2,15 @@
 //!
 //! Their meanings and remedies are in [`cp341_events`](ob1_words::cp341_events).
 
-/// Invalid parameters: the interface could not be parametrised. [reference 3.4]
+/// Invalid parameters: the interface could not be parametrised. (docs/cp341-events.md)
 pub const PARAMETERS: u16 = 0x020F;
-/// The job was aborted. [reference 3.7]
+/// The job was aborted. (docs/cp341-events.md)
 pub const ABORTED: u16 = 0x0501;
-/// The interface has no parameters to work with. [reference 3.7]
+/// The interface has no parameters to work with. (docs/cp341-events.md)
 pub const NOT_READY: u16 = 0x0502;
 /// Nothing, or more than 4096 bytes, came from the CPU. [S4 L1742]
 pub const LENGTH: u16 = 0x0518;
-/// A job before the end of the previous one. [reference 3.7]
+/// A job before the end of the previous one. (docs/cp341-events.md)
 pub const BUSY: u16 = 0x0522;
 
 /// Character delay time exceeded. [S4 L1748]

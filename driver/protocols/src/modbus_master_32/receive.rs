@@ -14,7 +14,7 @@ const CHARACTERS_MAX: usize = 2 * FRAME_CHARACTERS;
 /// The effect of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
-    /// Nothing yet.
+    /// Nothing: the reply goes on.
     Nothing,
     /// A second colon: everything before it is dropped.
     Restart,
@@ -22,14 +22,13 @@ pub(super) enum Heard {
     End(Result<(), u16>),
 }
 
-/// Assembles one reply.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
     bytes: [u8; TELEGRAM_BYTES + 1],
     len: usize,
     /// First digit of a byte.
     half: Option<u8>,
-    /// CR has come.
+    /// CR has come: only LF may follow.
     cr: bool,
     /// A colon has come.
     colon: bool,
@@ -37,7 +36,7 @@ pub(super) struct Receiver {
     open: bool,
     /// Time of the last character.
     last: Instant,
-    /// Characters so far.
+    /// Characters of the reply so far.
     heard: usize,
     /// Fault in the characters since the last colon.
     flaw: Option<u16>,

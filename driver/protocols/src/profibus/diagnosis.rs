@@ -55,13 +55,13 @@ pub enum Block<'a> {
     Modules(&'a [u8]),
     /// A channel of a module.
     Channel {
-        /// Slot, from 1.
+        /// Slot of the module, from 1.
         slot: u8,
-        /// Channel, from 0.
+        /// Channel of the module, from 0.
         channel: u8,
         /// 1 an input, 2 an output, 3 both.
         direction: u8,
-        /// Error type.
+        /// Error type: 1 short circuit, 6 wire break, and so on.
         error: u8,
     },
     /// Any other block: a revision, or the rest after an impossible length.

@@ -21,7 +21,7 @@ pub const LAST_ADDRESS: u8 = 125;
 pub const BROADCAST: u8 = 127;
 /// Maximum bytes of user data in a telegram.
 pub const DATA_BYTES: usize = 244;
-/// The longest telegram.
+/// The longest telegram in bytes, delimiters included.
 pub const TELEGRAM_BYTES: usize = 255;
 
 /// Service access points of DP: the service that a telegram to a slave addresses.
@@ -38,9 +38,9 @@ pub mod sap {
     pub const GLOBAL_CONTROL: u8 = 58;
     /// Its configuration, for any master.
     pub const GET_CONFIG: u8 = 59;
-    /// Its diagnosis.
+    /// Slave_Diag: the slave gives its diagnosis.
     pub const DIAGNOSIS: u8 = 60;
-    /// Its parameters.
+    /// Set_Prm: the slave gets its parameters.
     pub const PARAMETERS: u8 = 61;
     /// The configuration that it must check.
     pub const CHECK_CONFIG: u8 = 62;
@@ -86,7 +86,7 @@ pub mod function {
     pub const OK: u8 = 0;
     /// Answer: the service access point is not open.
     pub const NOT_OPEN: u8 = 3;
-    /// Answer: data.
+    /// Answer: data of the slave.
     pub const DATA: u8 = 8;
     /// Answer: data, and a diagnosis to be fetched.
     pub const DATA_HIGH: u8 = 10;

@@ -12,24 +12,24 @@ const SD3: u8 = 0xA2;
 const SD4: u8 = 0xDC;
 /// Short confirmation: the whole telegram.
 const SC: u8 = 0xE5;
-/// End delimiter.
+/// End delimiter of every telegram but the short ones.
 const ED: u8 = 0x16;
 /// Bit of an address that says that a service access point follows.
 const EXTENSION: u8 = 0x80;
 /// DA, SA and FC, which the length counts besides the data.
 const HEAD: usize = 3;
 
-/// A telegram.
+/// A telegram of the data link layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram<'a> {
     /// The token: `da` may send next.
     Token {
-        /// To whom.
+        /// To whom the token goes.
         da: u8,
-        /// From whom.
+        /// Who gives the token.
         sa: u8,
     },
-    /// Done, no data.
+    /// Short confirmation: done, no data.
     Confirmation,
     /// A request or an answer.
     Data(Frame<'a>),
@@ -38,17 +38,17 @@ pub enum Telegram<'a> {
 /// A request or an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'a> {
-    /// To whom.
+    /// DA: address of the receiver.
     pub da: u8,
-    /// From whom.
+    /// SA: address of the sender.
     pub sa: u8,
     /// Service access point there; none: the default one.
     pub dsap: Option<u8>,
     /// Service access point here.
     pub ssap: Option<u8>,
-    /// Function code: [`super::function`].
+    /// FC, the function code: see [`super::function`].
     pub fc: u8,
-    /// Its data.
+    /// Data without the service access points.
     pub data: &'a [u8],
 }
 
@@ -59,7 +59,7 @@ pub enum Parsed<'a> {
     Telegram(Telegram<'a>, usize),
     /// The beginning of one.
     More,
-    /// No telegram.
+    /// No telegram, or a damaged one.
     Wrong,
 }
 

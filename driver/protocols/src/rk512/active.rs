@@ -5,7 +5,7 @@ use super::event::{BadReaction, Event, OrderError, code};
 use super::{Command, Owner, Request, Rk512};
 use crate::machine::{Instant, SendError};
 
-/// An own order.
+/// An own order that is running.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     request: Request,
@@ -177,8 +177,8 @@ impl<const N: usize> Rk512<N> {
     /// A reaction has come.
     pub(super) fn reaction(&mut self, now: Instant, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
         if !self.awaits_reaction() {
-            // Without an order, or before our telegram can have arrived: it belongs to something earlier. [reference
-            // 3.12]
+            // Without an order, or before our telegram can have arrived: it belongs to something earlier.
+            // (docs/cp341-events.md)
             self.late = None;
             return out.report(Event::BadReaction(BadReaction::Sequence));
         }
@@ -186,14 +186,14 @@ impl<const N: usize> Rk512<N> {
         if follow != own.follow {
             return self.bad_reaction(now, BadReaction::Sequence, out);
         }
-        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, which a line fault
-        // turned into a reaction.
+        // Data come "only if byte 4 = 00h" [TIA help "Configuration for point-to-point links"]: this may be the
+        // partner's own order, which a line fault turned into a reaction.
         let with_data = !data.is_empty();
         let bytes = own.request.bytes();
         let piece = match own.request.command {
             Command::Send if with_data => return self.bad_reaction(now, BadReaction::SendData, out),
             _ if number != 0 && with_data => return self.bad_reaction(now, BadReaction::Data, out),
-            // [reference 4.5]: the order ends, without data, without further telegrams.
+            // [CP 341 manual 09/2008, p. 52 to 57]: the order ends, without data, without further telegrams.
             _ if number != 0 => {
                 let is_block = matches!(own.request.area, Area::Db | Area::Dx);
                 let error =
@@ -201,7 +201,7 @@ impl<const N: usize> Rk512<N> {
                 return self.end_own(now, Err(error), out);
             }
             Command::Send => own.piece(),
-            // Less than 128 bytes is tolerated in a reaction [reference 4.4]: the rest is fetched.
+            // Less than 128 bytes is tolerated in a reaction [CP 341 manual 09/2008, p. 57]: the rest is fetched.
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
                 Some(place) if !data.is_empty() && data.len() <= PIECE => {
                     place.copy_from_slice(data);
@@ -218,7 +218,7 @@ impl<const N: usize> Rk512<N> {
         self.forget_own_telegram();
     }
 
-    /// An invalid reaction ends the order it would belong to. [reference 3.12]
+    /// An invalid reaction ends the order it would belong to. (docs/cp341-events.md)
     pub(super) fn bad_reaction(&mut self, now: Instant, bad: BadReaction, out: &mut dyn Owner) {
         if self.awaits_reaction() {
             self.end_own(now, Err(OrderError::BadReaction(bad)), out);

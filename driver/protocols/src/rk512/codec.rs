@@ -7,7 +7,7 @@ pub const HEADER: usize = 10;
 /// Bytes of the header of a follow-on telegram, and of a reaction.
 pub const SHORT: usize = 4;
 /// Bytes of user data in one telegram. The tables print positions up to 127, the text says "when the data exceeds
-/// 128Byte". [S0 "Structure of additional messages"], [reference 4.4]
+/// 128Byte". [S0 "Structure of additional messages"], [CP 341 manual 09/2008, p. 57]
 pub const PIECE: usize = 128;
 
 /// Whether a telegram of a SEND has the right number of data bytes, `len`, when `rest` bytes are still to come.
@@ -46,28 +46,28 @@ pub enum Command {
 /// The area of the data in the serving station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Area {
-    /// Data block.
+    /// Data block DB; counts in words.
     Db,
-    /// Extended data block.
+    /// Extended data block DX; counts in words.
     Dx,
-    /// Inputs.
+    /// Inputs E; count in bytes.
     Inputs,
-    /// Outputs.
+    /// Outputs A; count in bytes.
     Outputs,
-    /// Bit memory.
+    /// Bit memory M; counts in bytes.
     Memory,
-    /// Counters.
+    /// Counters Z; two bytes each.
     Counters,
-    /// Timers.
+    /// Timers T; two bytes each.
     Timers,
 }
 
 impl Area {
-    /// All of them.
+    /// All areas, each once.
     pub const ALL: [Self; 7] =
         [Self::Db, Self::Dx, Self::Inputs, Self::Outputs, Self::Memory, Self::Counters, Self::Timers];
 
-    /// Its letter in the fourth byte: D X E A M Z T. [reference 4.2]
+    /// Its letter in the fourth byte: D X E A M Z T. [CP 341 manual 09/2008, p. 51]
     pub const fn letter(self) -> u8 {
         match self {
             Self::Db => b'D',
@@ -80,7 +80,7 @@ impl Area {
         }
     }
 
-    /// Bytes of one unit of the length: words for D, X, Z, T, bytes for M, E, A. [reference 4.2]
+    /// Bytes of one unit of the length: words for D, X, Z, T, bytes for M, E, A. [CP 341 manual 09/2008, p. 51]
     pub const fn unit(self) -> usize {
         match self {
             Self::Inputs | Self::Outputs | Self::Memory => 1,
@@ -111,8 +111,8 @@ impl Coordination {
     /// Neither flag nor CPU number: FF FF.
     pub const NONE: Self = Self([NONE, NONE]);
 
-    /// Flag and CPU number (1 to 4) as [reference 4.2] encodes them: without a number the high nibble is 0 with a flag
-    /// and F without one.
+    /// Flag and CPU number (1 to 4) as [CP 341 manual 09/2008, p. 51] encodes them: without a number the high nibble is
+    /// 0 with a flag and F without one.
     pub const fn new(flag: Option<Flag>, cpu: Option<u8>) -> Self {
         match (flag, cpu) {
             (None, None) => Self::NONE,
@@ -151,7 +151,7 @@ pub struct BadFlag;
 /// An order as in its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// SEND or FETCH.
+    /// SEND (data to the partner) or FETCH (data from it).
     pub command: Command,
     /// The area: with SEND [`Area::Db`] or [`Area::Dx`].
     pub area: Area,
@@ -166,13 +166,13 @@ pub struct Request {
 }
 
 impl Request {
-    /// Length in bytes.
+    /// Length of the whole order in bytes.
     pub const fn bytes(&self) -> usize {
         self.length as usize * self.area.unit()
     }
 
     /// Third and fourth byte. SEND to a DX is `O D`, SEND to a DB `A D`: the header's description is the only text that
-    /// makes a DX distinguishable. [reference 1.3]
+    /// makes a DX distinguishable. [CP 341 manual 09/2008, p. 51]
     pub const fn letters(&self) -> [u8; 2] {
         match (self.command, self.area) {
             (Command::Send, Area::Dx) => *b"OD",
@@ -210,7 +210,7 @@ impl Request {
     }
 }
 
-/// The meaning of the third and fourth byte. `A X` counts as a DX, because some partners send it. [reference 1.3]
+/// The meaning of the third and fourth byte. `A X` counts as a DX, because some partners send it. (ours)
 fn letters(command: u8, area: u8) -> Result<(Command, Area), Malformed> {
     match (command, area) {
         (b'A', b'D') => Ok((Command::Send, Area::Db)),
@@ -236,35 +236,35 @@ pub enum Malformed {
     AreaLetter,
 }
 
-/// A parsed telegram.
+/// A telegram whose header is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram<'a> {
     /// The first telegram of an order, with its part of the data.
     Order(Request, &'a [u8]),
     /// A follow-on telegram of an order.
     Follow {
-        /// SEND or FETCH.
+        /// SEND or FETCH, as in its first telegram.
         command: Command,
-        /// Area.
+        /// Area, as in its first telegram.
         area: Area,
         /// Its part of the data.
         data: &'a [u8],
     },
-    /// A reaction.
+    /// A reaction: the answer to a telegram of an order.
     Reaction {
         /// To a follow-on telegram.
         follow: bool,
-        /// 00h: all is well; otherwise the error number. [reference 4.6]
+        /// 00h: all is well; otherwise the error number. (docs/cp341-events.md)
         code: u8,
         /// Data of a FETCH.
         data: &'a [u8],
     },
 }
 
-/// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [reference 4.5]
+/// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [CP 341 manual 09/2008, p. 52 to 57]
 ///
 /// # Errors
-/// [`Malformed`].
+/// What is [`Malformed`]: too short for a header, or a byte that no header has.
 pub fn parse(telegram: &[u8]) -> Result<Telegram<'_>, Malformed> {
     let Some((&[first, second, third, fourth], rest)) = telegram.split_first_chunk::<SHORT>() else {
         return Err(Malformed::Short);

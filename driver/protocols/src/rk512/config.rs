@@ -14,7 +14,8 @@ pub struct Config {
     /// (CP 341). [S0 L1635]
     pub line: s3964::Config,
     /// Reaction monitoring: longest time from the acknowledgement of an order's telegram to its reaction; it restarts
-    /// with each repetition and each follow-on telegram. [S0 L1678], [reference 4.7]
+    /// with each repetition and each follow-on telegram. [S0 L1678],
+    /// [TIA help "Configuration for point-to-point links"]
     pub reaction: Span,
     /// How long an order waits for the overdue reaction of a previous order, so that it does not take that reaction for
     /// its own. (ours)
@@ -35,7 +36,7 @@ pub struct Config {
 
 impl Config {
     /// The CP 240: 5 s for the reaction [S0 L1678], 1024 bytes [S0 "Error message CP Byte 0"], flags in bytes 0 to 199
-    /// [reference 9.4]. A CPU number is accepted as in the Siemens texts, 1 to 4, and ignored.
+    /// (docs/cp240-blocks.md). A CPU number is accepted as in the Siemens texts, 1 to 4, and ignored.
     pub fn cp240(line: s3964::Config) -> Self {
         Self {
             line,
@@ -49,8 +50,8 @@ impl Config {
         }
     }
 
-    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the
-    /// data [reference 3.6, 0409h].
+    /// The CP 341: 20 s for the reaction [TIA help "Configuration for point-to-point links"], 4096 bytes
+    /// [TIA help "PtP data link CP 341"], 10 s for the CPU to take the data (0409h).
     pub fn cp341(line: s3964::Config) -> Self {
         Self {
             line,
@@ -64,7 +65,8 @@ impl Config {
         }
     }
 
-    /// Reaction monitoring of a CP 341 whose option "transmission-rate dependent" is on. [reference 4.7]
+    /// Reaction monitoring of a CP 341 whose option "transmission-rate dependent" is on.
+    /// [TIA help "Configuration for point-to-point links"]
     ///
     /// The table gives 300, 600, 1200 and "from 38400" baud; between them 5 s (ours).
     pub const fn reaction_at(baud: u32) -> Span {

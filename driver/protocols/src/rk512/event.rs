@@ -3,9 +3,9 @@
 use super::codec::Malformed;
 use crate::machine::{self, SendError};
 
-/// Error numbers of a reaction (REATEL). [reference 4.6]
+/// Error numbers of a reaction (REATEL). (docs/cp341-events.md)
 pub mod code {
-    /// All is well.
+    /// All is well: the order goes on or has ended.
     pub const OK: u8 = 0x00;
     /// The area cannot be accessed.
     pub const NO_ACCESS: u8 = 0x0A;
@@ -29,7 +29,7 @@ pub mod code {
     pub const SEQUENCE: u8 = 0x36;
 }
 
-/// Why an order of the partner is refused. [reference 3.8, 4.6]
+/// Why an order of the partner is refused. (docs/cp341-events.md)
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Refusal {
     /// 1st byte neither 00h nor FFh, or 2nd not 00h.
@@ -44,7 +44,7 @@ pub enum Refusal {
     FollowArea,
     /// DB number not allowed.
     DbNumber,
-    /// Length 0.
+    /// The header says length 0.
     Length,
     /// Longer than the CP's buffer.
     TooLong,
@@ -57,7 +57,7 @@ pub enum Refusal {
     /// Follow-on telegram of a SEND whose data do not match the announced length: fewer or more than are missing, none,
     /// or more than 128 bytes.
     FollowLength,
-    /// FETCH with data.
+    /// A FETCH brings data.
     FetchData,
     /// No program takes it: the CPU is in STOP, or does not answer in time.
     Mode,
@@ -68,7 +68,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// All of them.
+    /// All refusals, each once.
     pub const ALL: [Self; 16] = [
         Self::FirstByte,
         Self::Command,
@@ -88,7 +88,7 @@ impl Refusal {
         Self::Short,
     ];
 
-    /// Event number here and error number in the reaction. [reference 4.6]
+    /// Event number here and error number in the reaction. (docs/cp341-events.md)
     const fn numbers(self) -> (u16, u8) {
         match self {
             Self::FirstByte => (0x0601, code::AREA),
@@ -109,7 +109,7 @@ impl Refusal {
         }
     }
 
-    /// Event number, class 6. [reference 3.8]
+    /// Event number, class 6. (docs/cp341-events.md)
     pub const fn number(self) -> u16 {
         self.numbers().0
     }
@@ -131,7 +131,7 @@ impl From<Malformed> for Refusal {
     }
 }
 
-/// The fault of a reaction of the partner. [reference 3.12]
+/// The fault of a reaction of the partner. (docs/cp341-events.md)
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BadReaction {
     /// Without an order, before our telegram was sent, or to another kind of telegram than ours.
@@ -161,7 +161,7 @@ impl BadReaction {
 pub enum OrderError {
     /// A telegram could not be sent.
     Line(SendError),
-    /// The partner refuses, with this error number. [reference 4.6]
+    /// The partner refuses, with this error number. (docs/cp341-events.md)
     Rejected(u8),
     /// The partner refuses with 14h: an area other than a data block is missing or too short.
     NoArea,
@@ -175,7 +175,7 @@ pub enum OrderError {
     TooLong,
     /// Without data, or its data do not match its header; nothing was sent.
     Invalid,
-    /// Dropped by [`Order::Abort`](super::Order::Abort).
+    /// Dropped by the owner with [`Order::Abort`](super::Order::Abort).
     Aborted,
     /// Another order is running; this one was not taken.
     Busy,
@@ -197,12 +197,12 @@ impl OrderError {
         }
     }
 
-    /// Event number: classes 5, 9 and 10 (those of the line have been reported before). [reference 3.7, 3.11, 3.12]
+    /// Event number: classes 5, 9 and 10 (those of the line have been reported before). (docs/cp341-events.md)
     pub const fn number(self) -> Option<u16> {
         Some(match self {
             Self::Line(_) => 0x051A,
             Self::Rejected(code) => rejected(code),
-            // The error number is the same for each area; whoever has asked knows which one. [reference 3.11]
+            // The error number is the same for each area; whoever has asked knows which one. (docs/cp341-events.md)
             Self::NoArea => 0x0902,
             Self::NoReaction | Self::BwzExceeded => 0x0A05,
             Self::BadReaction(bad) => bad.number(),
@@ -213,7 +213,7 @@ impl OrderError {
     }
 }
 
-/// Event number of an error number the partner has sent. [reference 4.6]
+/// Event number of an error number the partner has sent. (docs/cp341-events.md)
 const fn rejected(number: u8) -> u16 {
     match number {
         code::NO_ACCESS => 0x0905,
@@ -240,11 +240,11 @@ pub enum AnswerError {
     Abandoned,
     /// The reaction could not be sent.
     Line(SendError),
-    /// Dropped by [`Order::Abort`](super::Order::Abort).
+    /// Dropped by the owner with [`Order::Abort`](super::Order::Abort).
     Aborted,
 }
 
-/// An occurrence.
+/// An occurrence, for the diagnostic buffer and STATUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// An occurrence of the 3964(R) below.
@@ -268,7 +268,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// Event number in classes 5 to 10; `None` if they have no number for it. [reference 3.7 to 3.12]
+    /// Event number in classes 5 to 10; `None` if they have no number for it. (docs/cp341-events.md)
     pub fn number(self) -> Option<u16> {
         match self {
             Self::Line(event) => event.number(),

@@ -14,8 +14,8 @@
 //! ```
 //!
 //! One machine has both roles at once: an own order waits for its reaction while orders of the partner come in and are
-//! answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive one
-//! in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
+//! answered ("quasi full duplex", one order each way) [CP 341 manual 09/2008, p. 52 to 57]. The active role is in
+//! `active`, the passive one in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
 //!
 //! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts
 //! are silent): a reaction proves that the telegram it answers has arrived, once that has been sent completely; a
@@ -43,7 +43,7 @@ use passive::{Partner, Reply};
 /// error number instead of NAK.
 const LINE: usize = 256;
 
-/// What happened.
+/// What happened: characters, a signal, a time or an order.
 pub type Input<'a> = machine::Input<'a, Order<'a>>;
 
 /// An order of the CPU.
@@ -70,7 +70,7 @@ pub enum Answer<'a> {
     Taken,
     /// The data of the FETCH; as many as the request asks for.
     Data(&'a [u8]),
-    /// Refused with this error number, not 0. [reference 4.6]
+    /// Refused with this error number, not 0. (docs/cp341-events.md)
     Refused(u8),
 }
 
@@ -136,7 +136,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }

@@ -54,7 +54,7 @@ impl Partner {
     }
 }
 
-/// A reaction.
+/// A reaction that is still to be sent, or on its way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reply {
     follow: bool,
@@ -82,7 +82,7 @@ impl<const N: usize> Rk512<N> {
             if same && !matches!(partner.stage, Stage::Next { .. }) {
                 return out.report(Event::Repeated);
             }
-            // A new order before our reaction, or instead of a follow-on telegram. [reference 3.8, 060Eh]
+            // A new order before our reaction, or instead of a follow-on telegram. (060Eh)
             return self.refuse(false, Refusal::Sequence, out);
         }
         if let Err(refusal) = self.check(&request, data) {
@@ -105,7 +105,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// Checks a first telegram, in the order of [reference 4.10].
+    /// Checks a first telegram: its letters, its place, its length, its flag, its data, in this order.
     fn check(&self, request: &Request, data: &[u8]) -> Result<(), Refusal> {
         let bytes = request.bytes();
         if matches!(request.area, Area::Db | Area::Dx) && request.db == 0 {
@@ -125,7 +125,7 @@ impl<const N: usize> Rk512<N> {
             return Err(Refusal::Mode);
         }
         match request.command {
-            // [reference 3.8, 060Bh]
+            // 060Bh: the data do not match the header.
             Command::Send if !codec::is_whole(data.len(), bytes, None) => Err(Refusal::SendLength),
             Command::Fetch if !data.is_empty() => Err(Refusal::FetchData),
             _ => Ok(()),
@@ -173,7 +173,7 @@ impl<const N: usize> Rk512<N> {
                 let is_whole = codec::is_whole(data.len(), bytes - partner.at, Some(partner.first));
                 match self.partner_data[..bytes].get_mut(partner.at..partner.at + data.len()) {
                     Some(place) if is_whole => place.copy_from_slice(data),
-                    // [reference 3.8, 0611h]
+                    // 0611h: the data do not match the length announced.
                     _ => return self.refuse(true, Refusal::FollowLength, out),
                 }
                 partner.at += data.len();
@@ -212,7 +212,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The CPU answers. [reference 4.5]: "after data is in the CPU".
+    /// The CPU answers. [CP 341 manual 09/2008, p. 52 to 57]: "after data is in the CPU".
     pub(super) fn answer(&mut self, answer: Answer<'_>, out: &mut dyn Owner) {
         let Some(partner) = self.partner.as_mut().filter(|partner| partner.is_asked()) else { return };
         let bytes = partner.request.bytes();
@@ -251,7 +251,7 @@ impl<const N: usize> Rk512<N> {
         self.reply = Some(Reply { follow: partner.follow, code: code::OK, from, len });
     }
 
-    /// Refuses a telegram; an order that was open is dropped. [reference 4.10]
+    /// Refuses a telegram; an order that was open is dropped.
     pub(super) fn refuse(&mut self, follow: bool, refusal: Refusal, out: &mut dyn Owner) {
         out.report(Event::Refused(refusal));
         self.drop_partner(AnswerError::Withdrawn(refusal), out);

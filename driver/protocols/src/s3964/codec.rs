@@ -6,7 +6,7 @@ pub const STX: u8 = 0x02;
 pub const ETX: u8 = 0x03;
 /// Data link escape: accepts a connection or a block; doubled where it is user data.
 pub const DLE: u8 = 0x10;
-/// Negative acknowledgement.
+/// Negative acknowledgement: refuses a connection or a block.
 pub const NAK: u8 = 0x15;
 
 /// Characters of the block with `payload`, from the first data character to the last check character: `data (DLE

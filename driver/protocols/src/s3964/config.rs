@@ -67,7 +67,7 @@ impl Config {
             char_time,
             connect_attempts: 1,
             block_attempts: 1,
-            // The text says 250 bytes, the technical data 1024. [reference 5.7]
+            // The text says 250 bytes, the technical data 1024. [S0 L1616, L2804]
             telegram_max: TELEGRAM_MAX,
             buffer_wait: Span::ZERO,  // [S0 "Passive operation"]: not ready: NAK
             nak_at_start: false,      // not mentioned
@@ -79,7 +79,7 @@ impl Config {
     }
 
     /// The CP 341, likewise: 4 s for the repetition of a refused block, 400 ms for a receive buffer.
-    /// [reference 5.2 to 5.4]
+    /// [TIA help "Configuration for point-to-point links"]
     pub const fn cp341(char_time: Span) -> Self {
         Self {
             telegram_max: 4096,
@@ -92,7 +92,7 @@ impl Config {
         }
     }
 
-    /// ZVZ in force.
+    /// ZVZ in force: 0 stands for two character times.
     pub(super) fn zvz(&self) -> Span {
         if self.zvz.is_zero() { 2 * self.char_time } else { self.zvz }
     }

@@ -24,7 +24,7 @@ use codec::NAK;
 use receive::Block;
 use send::Job;
 
-/// How often the receive buffer is checked while a partner waits for it. [reference 5.6]
+/// How often the receive buffer is checked while a partner waits for it. [CP 440 manual 03/2022, p. 47]
 const BUFFER_POLL: Span = Span::from_millis(50);
 
 /// If a line never reports the end of its output, the output counts as ended this long after its computed duration.
@@ -105,7 +105,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }
@@ -117,7 +117,7 @@ impl<const N: usize> S3964<N> {
         out.transmit(bytes);
     }
 
-    /// Interrupts our output.
+    /// Interrupts our output: characters that have not begun are taken back.
     fn take_back(&mut self, now: Instant, out: &mut dyn Sink) {
         let saved = self.config.char_time * out.take_back() as u64;
         self.output.end = self.output.end.saturating_sub(saved).max(now);
@@ -213,7 +213,7 @@ impl<const N: usize> S3964<N> {
             State::Connect { .. } | State::Output { .. } | State::Acknowledge { .. }
                 if fault == LineFault::Break && self.config.break_ends_order =>
             {
-                // [reference 5.3]: BREAK: back to idle, 080Dh.
+                // [TIA help "Configuration for point-to-point links"]: BREAK: back to idle, 080Dh.
                 self.report(self.phase(), what, out);
                 self.take_back(now, out);
                 self.end(now, Err(SendError::Frame), out);

@@ -40,8 +40,8 @@ impl<const N: usize> S3964<N> {
                 }
                 self.connection_asked(now, refused, out);
             }
-            // [S0 "Passive operation"]: NAK is not answered. A partner that gives up its block sends NAK. [reference
-            // 5.3]
+            // [S0 "Passive operation"]: NAK is not answered. A partner that gives up its block sends NAK.
+            // [TIA help "Configuration for point-to-point links"]
             NAK => {
                 self.given_up_until = None;
                 if self.waiting.as_ref().is_some_and(Job::is_repeated) {
@@ -69,7 +69,7 @@ impl<const N: usize> S3964<N> {
         if out.room() > 0 {
             self.accept(now, refused, out);
         } else if !self.config.buffer_wait.is_zero() {
-            // [reference 5.4]: up to 400 ms for a buffer. (CP 341)
+            // [TIA help "Configuration for point-to-point links"]: up to 400 ms for a buffer. (CP 341)
             let until = now + self.config.buffer_wait;
             self.state = State::Buffer { until, poll: now + BUFFER_POLL, refused };
         } else {
@@ -125,7 +125,7 @@ impl<const N: usize> S3964<N> {
         block.asked = (byte == STX).then_some(now);
         if byte == STX && !block.begun() {
             if !self.output.is_out(now) {
-                // Our DLE comes so late that the partner has repeated its request. [reference 5.4: 0802h]
+                // Our DLE comes so late that the partner has repeated its request. (0802h)
                 block.asked_again = true;
                 self.state = State::Receive { block, expiry: self.expiry_unreported(self.config.zvz()) };
                 return self.report(Phase::Idle, What::Unexpected(byte), out);
@@ -188,7 +188,8 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// A character of the block could not be read: the block is received to its end, then refused. [reference 5.4]
+    /// A character of the block could not be read: the block is received to its end, then refused.
+    /// [TIA help "Configuration for point-to-point links"]
     pub(super) fn receive_unreadable(&mut self, now: Instant, mut block: Block, what: What, out: &mut dyn Sink) {
         block.characters += 1;
         block.asked = None;
@@ -209,7 +210,7 @@ impl<const N: usize> S3964<N> {
 
     fn block_complete(&mut self, now: Instant, mut block: Block, out: &mut dyn Sink) {
         match out.room() {
-            // It is not longer than the longest telegram, so the buffer is in use. [reference 3.10, 080Ah]
+            // It is not longer than the longest telegram, so the buffer is in use. (080Ah)
             room if room == 0 || block.len > room => self.note(&mut block, What::NoBuffer, out),
             // Nobody sends an empty telegram: without a check character this is a telegram that has lost its
             // characters, and an acknowledgement would tell the partner that it has arrived. (ours)

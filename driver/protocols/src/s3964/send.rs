@@ -47,13 +47,13 @@ impl<const N: usize> S3964<N> {
             STX if self.config.priority == Priority::Low => {
                 // [S0 "Initialization conflict"]: the station with the lower priority sends DLE and changes to receive
                 // mode. Its order stays and begins again afterwards; the attempt lost here does not count.
-                // [reference 5.5]
+                // [TIA help "Configuration for point-to-point links"]
                 self.report(Phase::Connect, What::Conflict { yielded: true }, out);
                 job.connects -= 1;
                 (self.state, self.waiting) = (State::Idle, Some(job));
                 self.connection_asked(now, 0, out);
             }
-            // [reference 5.5]: the higher priority ignores it; QVZ keeps running.
+            // [TIA help "Configuration for point-to-point links"]: the higher priority ignores it; QVZ keeps running.
             STX => self.report(Phase::Connect, What::Conflict { yielded: false }, out),
             // It ended before our STX had been sent, so it does not answer it.
             _ if !self.output.is_out(now) => {}
@@ -111,7 +111,7 @@ impl<const N: usize> S3964<N> {
                 self.report(Phase::Output, What::Nak, out);
                 self.repeat_block(now, job, What::Nak, out);
             }
-            // DLE too: it comes too early. [reference 3.9: 0706h]
+            // DLE too: it comes too early. (0706h)
             other => self.output_disturbed(now, job, What::Unexpected(other), out),
         }
     }
@@ -121,7 +121,8 @@ impl<const N: usize> S3964<N> {
         self.report(Phase::Output, what, out);
         self.take_back(now, out);
         if self.config.nak_after_silence {
-            // [reference 5.3]: wait until ZVZ has expired on the line, send NAK, begin again. (CP 341)
+            // [TIA help "Configuration for point-to-point links"]: wait until ZVZ has expired on the line, send NAK,
+            // begin again. (CP 341)
             self.silence(now, Some((job, what)));
         } else {
             // [S0 "Timeout times"]: "a character other than DLE": connection and message are repeated.
@@ -153,7 +154,7 @@ impl<const N: usize> S3964<N> {
 
     /// [S0 "Timeout times"]: connection and message are repeated; after the last repetition NAK, and the end.
     fn repeat_block(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
-        // The next attempt has connection attempts of its own. [reference 5.3]
+        // The next attempt has connection attempts of its own. (ours)
         let job = Job { connects: 0, blocks: job.blocks + 1, ..job };
         if job.blocks < self.config.block_attempts {
             self.report(Phase::Output, What::Repetition(job.blocks), out);

@@ -27,11 +27,11 @@ pub use decoder::{Decoder, Step};
 /// Configuration of [`StxEtx`]. Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// Start characters.
+    /// Start characters, none to two.
     pub start: Flags,
-    /// End characters.
+    /// End characters, none to two.
     pub end: Flags,
-    /// Flow control.
+    /// Who may stop the sender, and how.
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
     pub zna: Span,
@@ -83,7 +83,7 @@ impl<const N: usize> StxEtx<N> {
         Self { config, line }
     }
 
-    /// The configuration.
+    /// The configuration it was made with.
     pub fn config(&self) -> &Config {
         &self.config
     }

@@ -46,7 +46,7 @@ pub enum Meaning<'a> {
 pub struct Modbus<'a> {
     /// Address, function code and so on, without the check.
     pub telegram: &'a [u8],
-    /// Request or answer.
+    /// Whether it is a request or an answer.
     pub direction: Direction,
     /// How its function is called.
     pub names: Names,

@@ -19,14 +19,14 @@ use crate::output::Flags;
 /// Direction of characters, seen from the observed CP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Way {
-    /// From the CP.
+    /// From the CP to its partner.
     Out,
-    /// To the CP.
+    /// From the partner to the CP.
     In,
 }
 
 impl Way {
-    /// The opposite.
+    /// The opposite direction, in which an answer goes.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -41,19 +41,19 @@ impl Way {
 pub enum Dialect {
     /// Bare characters; a pause this long ends a telegram.
     Ascii {
-        /// The pause.
+        /// The pause that ends a telegram.
         pause: Span,
     },
     /// Telegrams between start and end characters.
     StxEtx {
-        /// Start characters.
+        /// Start characters, none to two.
         start: Flags,
-        /// End characters.
+        /// End characters, none to two.
         end: Flags,
         /// The pause after which an open telegram is incomplete.
         pause: Span,
     },
-    /// 3964 and 3964R.
+    /// 3964 and 3964R, with RK 512 or without.
     S3964 {
         /// With block check character.
         bcc: bool,
@@ -62,20 +62,20 @@ pub enum Dialect {
         /// The pause that breaks a block off.
         pause: Span,
     },
-    /// Modbus RTU.
+    /// Modbus RTU: frames of bytes, separated by silence.
     ModbusRtu {
         /// The CP is the master: what it sends are requests.
         master: bool,
         /// A pause that surely ends a frame.
         pause: Span,
     },
-    /// Modbus ASCII.
+    /// Modbus ASCII: frames of digits between colon and CR LF.
     ModbusAscii {
-        /// As above.
+        /// The CP is the master: what it sends are requests.
         master: bool,
         /// It is the loadable driver of a CP 341: Siemens' names, and registers of 32 bits.
         loadable: bool,
-        /// As above.
+        /// A pause that surely ends a frame.
         pause: Span,
     },
     /// EnOcean, serial protocol version 2.
@@ -83,7 +83,7 @@ pub enum Dialect {
         /// A pause that ends a frame.
         pause: Span,
     },
-    /// M-Bus.
+    /// M-Bus: requests of the CP and answers of the slaves.
     MBus {
         /// A pause that surely ends a frame.
         pause: Span,
@@ -93,7 +93,7 @@ pub enum Dialect {
         /// A pause that surely ends a frame.
         pause: Span,
     },
-    /// PROFIBUS.
+    /// PROFIBUS: telegrams of all stations on the bus.
     Profibus {
         /// A pause that surely ends a telegram.
         pause: Span,

@@ -22,18 +22,17 @@ pub struct Unit<'a> {
     pub begin: Instant,
     /// When its last one was.
     pub end: Instant,
-    /// Its direction.
+    /// The direction it went, seen from the CP.
     pub way: Way,
     /// Its characters as they were on the line.
     pub raw: &'a [u8],
-    /// What they mean.
+    /// What its characters mean, as far as they say it.
     pub meaning: Meaning<'a>,
 }
 
 /// A little more than the longest QVZ: after it no partner waits for an answer. [S0 "Timeout times"]
 const NO_ANSWER: Span = Span::from_secs(6);
 
-/// Where units go.
 type Out<'a> = dyn FnMut(Unit<'_>) + 'a;
 
 /// The unfinished unit of one direction.
@@ -124,7 +123,7 @@ impl Side {
     }
 }
 
-/// Reads a line.
+/// Reads both directions of one line.
 #[derive(Debug)]
 pub struct Reader {
     dialect: Dialect,

@@ -172,7 +172,7 @@ fn xoff_stops_us() {
     );
 }
 
-/// An order does not wait for XON forever. [reference 6.4]
+/// An order does not wait for XON forever. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn waiting_for_xon_has_an_end() {
     run(

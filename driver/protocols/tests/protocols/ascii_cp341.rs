@@ -1,5 +1,6 @@
 //! ASCII features of the CP 341 that the CP 240 does not have: end characters, fixed length, the pause between
-//! telegrams, the secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
+//! telegrams, the secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms.
+//! [TIA help "Configuration for point-to-point links"]
 
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flags, Flow, Sending};
 use ob1_protocols::signals::Times;
@@ -29,7 +30,8 @@ fn run(config: Config, table: &str) {
     check(&mut Ascii::<1024>::new(config), table);
 }
 
-/// The end characters belong to the telegram, which is delivered at once. [reference 6.1]
+/// The end characters belong to the telegram, which is delivered at once.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_telegram_ends_with_one_end_character() {
     run(
@@ -59,7 +61,7 @@ fn a_telegram_ends_with_two_end_characters_in_their_order() {
     run(config(twice), "0 start\n 10 rx 41 0D 42 0D 0D 0D => got 41 0D 42 0D 0D\n 11 rx 0D => got 0D 0D");
 }
 
-/// "If ZVZ expires first: 0806h, fragment discarded." [reference 6.1]
+/// "If ZVZ expires first: 0806h, fragment discarded." [TIA help "Configuration for point-to-point links"]
 #[test]
 fn zvz_before_the_end_characters() {
     run(
@@ -72,7 +74,7 @@ fn zvz_before_the_end_characters() {
 }
 
 /// Characters after it in the same burst begin the next telegram, and are discarded when ZVZ expires before that has
-/// ended. [reference 6.1]
+/// ended. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn what_follows_in_the_same_burst() {
     run(
@@ -92,7 +94,8 @@ fn what_follows_in_the_same_burst() {
     );
 }
 
-/// Exactly this many characters, whatever they are; if ZVZ expires first: 0806h. [reference 6.1]
+/// Exactly this many characters, whatever they are; if ZVZ expires first: 0806h.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_telegram_of_fixed_length() {
     run(
@@ -145,7 +148,8 @@ fn the_telegram_after_a_lost_one_is_whole() {
     );
 }
 
-/// [reference 6.2]: 080Ah without a free receive buffer, 0816h longer than the longest.
+/// [TIA help "Configuration for point-to-point links"]: 080Ah without a free receive buffer, 0816h longer than the
+/// longest.
 #[test]
 fn no_room_and_too_long() {
     run(
@@ -168,14 +172,15 @@ fn no_room_and_too_long() {
     );
 }
 
-/// XON and XOFF never belong to a telegram, and do not count. [reference 6.3]
+/// XON and XOFF never belong to a telegram, and do not count. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn flow_control_characters_do_not_count() {
     let config = Config { flow: Flow::XonXoff, ..config(Criterion::Length(3)) };
     run(config, "0 start => tx XON\n 1 done\n 10 rx 41 XOFF XON 42 43 => got 41 42 43");
 }
 
-/// "Up to and including the end character; not found within LEN: 050Eh." [reference 6.3]
+/// "Up to and including the end character; not found within LEN: 050Eh."
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn sending_up_to_the_end_characters() {
     run(
@@ -197,7 +202,7 @@ fn sending_up_to_the_end_characters() {
     );
 }
 
-/// "Exactly LEN" [reference 6.3]
+/// "Exactly LEN" [TIA help "Configuration for point-to-point links"]
 #[test]
 fn sending_as_much_as_there_is() {
     run(
@@ -211,7 +216,8 @@ fn sending_as_much_as_there_is() {
     );
 }
 
-/// "LEN bytes plus the end characters; exceeding the maximum length: 050Eh." [reference 6.3]
+/// "LEN bytes plus the end characters; exceeding the maximum length: 050Eh."
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn sending_with_end_characters_appended() {
     run(
@@ -226,7 +232,8 @@ fn sending_with_end_characters_appended() {
     run(by_end(1, Sending::Appended), "0 start\n 0 order 1024*41 => sent NoEnd\n 1 order 1023*41 => tx 1023*41 0D");
 }
 
-/// "A pause of at least ZVZ is kept between two telegrams": the order ends before it. [reference 6.3]
+/// "A pause of at least ZVZ is kept between two telegrams": the order ends before it.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_pause_between_two_telegrams() {
     let config = Config { pause: 20 * MS, ..config(Criterion::Silence) };

@@ -89,7 +89,7 @@ fn a_refused_job_is_not_sent() {
     check(normal(), "0 start\n 1 job 4097*05 => fail 0518\n 2 job => fail 0518\n 3 typ x 05 07 => ask 05 07");
 }
 
-/// [reference 3.7]
+/// (docs/cp341-events.md)
 #[test]
 fn a_second_job_and_an_abort() {
     after_request(normal(), "25 job 05 07 => fail 0522\n 50 say 05 03 02 1234 => got 1234\n 60 taken => ok");

@@ -6,7 +6,7 @@ use ob1_protocols::rk512::{Area, Command, Coordination, Event, Flag, Request};
 use crate::rk512_table;
 use crate::rk512_table::{SEND_8, check_cp240 as check, cp240};
 
-/// Quasi full duplex: the partner's order comes before its reaction to ours. [reference 4.5]
+/// Quasi full duplex: the partner's order comes before its reaction to ours. [CP 341 manual 09/2008, p. 52 to 57]
 #[test]
 fn orders_in_both_directions() {
     check(&format!(
@@ -174,7 +174,7 @@ fn abort() {
     ));
 }
 
-/// Coordination flags and CPU numbers are passed on unchanged. [reference 4.2]
+/// Coordination flags and CPU numbers are passed on unchanged. [CP 341 manual 09/2008, p. 51]
 #[test]
 fn flags_go_through() {
     let flag = Flag { byte: 6, bit: 4 };

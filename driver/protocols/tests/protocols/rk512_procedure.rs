@@ -7,7 +7,8 @@ use crate::defaults;
 use crate::rk512_table;
 use crate::rk512_table::{CHAR, SEND_8, check_cp240 as check, cp240};
 
-/// [reference 4.9], each telegram with its characters on the line, check character included.
+/// Samples of a CP 240's manual, each telegram with its characters on the line, check character included.
+/// [RE 240 manual 12/42, p. 3-24, 3-25]
 #[test]
 fn the_samples_to_the_byte() {
     for (payload, wire) in [
@@ -95,8 +96,8 @@ fn send_with_follow_on_telegrams() {
          60 answer taken => tx STX
          70 takes FF 00 00 00 => answered ok",
     );
-    // Exactly 128 bytes are one telegram, and the split from a literal reading of the tables is accepted. [reference
-    // 4.4]
+    // Exactly 128 bytes are one telegram, and the split from a literal reading of the tables is accepted.
+    // [CP 341 manual 09/2008, p. 57]
     check(
         "10 order 00 00 41 44 0A 00 00 40 FF FF | 128*61 => tx STX
          20 takes 00 00 41 44 0A 00 00 40 FF FF 128*61
@@ -146,7 +147,7 @@ fn fetch() {
     );
 }
 
-/// Every area, with its length in the header. [reference 4.2]
+/// Every area, with its length in the header. [CP 341 manual 09/2008, p. 51]
 #[test]
 fn fetch_of_every_area() {
     for (letter, units, bytes) in
@@ -165,7 +166,7 @@ fn fetch_of_every_area() {
     }
 }
 
-/// [reference 1.3]: a DX is `O D` on the line; `A X` is understood too.
+/// [TIA help "PtP data link CP 341"]: a DX is `O D` on the line; `A X` is understood too.
 #[test]
 fn send_to_a_dx() {
     check(
@@ -273,7 +274,7 @@ fn no_reaction() {
     );
 }
 
-/// [reference 4.7]: 20 s at the CP 341, no BWZ.
+/// [TIA help "Configuration for point-to-point links"]: 20 s at the CP 341, no BWZ.
 #[test]
 fn the_cp_341_waits_longer() {
     let config = Config::cp341(defaults::cp341(true, CHAR));
@@ -290,7 +291,7 @@ fn the_cp_341_waits_longer() {
     assert_eq!([300, 600, 1200, 9600, 38_400, 115_200].map(|b| Config::reaction_at(b) / SECOND), [10, 7, 5, 5, 3, 3]);
 }
 
-/// [reference 4.2]: 4096 bytes are 2048 words, in 32 telegrams.
+/// [CP 341 manual 09/2008, p. 51]: 4096 bytes are 2048 words, in 32 telegrams.
 #[test]
 fn the_longest_orders() {
     let telegrams = |n: usize| {
@@ -332,7 +333,7 @@ fn orders_that_are_not_begun() {
     );
 }
 
-/// [reference 4.6], class 9: the partner's error number ends the order, in the first reaction or in a later one.
+/// Class 9: the partner's error number ends the order, in the first reaction or in a later one.
 #[test]
 fn the_partner_refuses() {
     for (number, event) in [
@@ -362,7 +363,7 @@ fn the_partner_refuses() {
         ));
         assert_eq!(OrderError::Rejected(number).code(), number);
     }
-    // 14h is the same for each area: "not DB/DX" is another number. [reference 3.11]
+    // 14h is the same for each area: "not DB/DX" is another number. (docs/cp341-events.md)
     check(
         "10 order 00 00 45 4D 00 10 00 20 FF FF => tx STX
          20 takes 00 00 45 4D 00 10 00 20 FF FF
@@ -371,7 +372,7 @@ fn the_partner_refuses() {
     assert_eq!(OrderError::NoArea.code(), 0x14);
 }
 
-/// [reference 3.12], class 10: telegrams that are not valid reactions.
+/// Class 10: telegrams that are not valid reactions. (docs/cp341-events.md)
 #[test]
 fn bad_reactions() {
     let fetch = "10 order 00 00 45 44 05 01 00 02 FF FF => tx STX
@@ -418,7 +419,7 @@ fn bad_reactions() {
     }
 }
 
-/// [reference 4.10]: the number of each refusal, and its event number here (class 6).
+/// The number of each refusal, and its event number here (class 6).
 #[test]
 fn orders_that_are_refused() {
     for (telegram, event, code) in [

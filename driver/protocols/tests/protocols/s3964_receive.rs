@@ -58,7 +58,7 @@ fn without_bcc() {
     );
 }
 
-/// BCC = 10h is sent once. [reference 5.1]
+/// BCC = 10h is sent once. [TIA help "Configuration for point-to-point links"]
 #[test]
 fn a_check_character_that_looks_like_dle() {
     run(
@@ -219,7 +219,8 @@ fn wrong_check_character() {
     );
 }
 
-/// DLE followed by neither DLE nor ETX, an unreadable character: noted, received to the end, refused. [reference 5.4]
+/// DLE followed by neither DLE nor ETX, an unreadable character: noted, received to the end, refused.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn noted_errors_refuse_the_block_at_its_end() {
     run(
@@ -360,7 +361,8 @@ fn abort_drops_the_reception() {
     );
 }
 
-/// CP 341: NAK only after silence; 400 ms for a receive buffer, checked every 50 ms. [reference 5.4]
+/// CP 341: NAK only after silence; 400 ms for a receive buffer, checked every 50 ms.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn what_the_cp_341_does_while_the_line_is_free() {
     run(
@@ -389,7 +391,7 @@ fn what_the_cp_341_does_while_the_line_is_free() {
 }
 
 /// CP 341: the repetition of a refused block must begin within 4 s, and own orders wait for it; at most 6 attempts.
-/// [reference 5.4]
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn the_cp_341_waits_for_a_repetition() {
     run(

@@ -257,7 +257,7 @@ fn other_answers_to_the_block() {
     );
 }
 
-/// Each attempt to send the block has connection attempts of its own. [reference 5.3]
+/// Each attempt to send the block has connection attempts of its own. (ours)
 #[test]
 fn connection_attempts_begin_anew_with_each_block() {
     run(
@@ -278,7 +278,7 @@ fn connection_attempts_begin_anew_with_each_block() {
 }
 
 /// A partner that interrupts the block: it is stopped and begun again. DLE while it is being sent is too early.
-/// [reference 3.9]
+/// (docs/cp341-events.md)
 #[test]
 fn a_character_while_the_block_leaves() {
     run(
@@ -367,7 +367,8 @@ fn low_priority_begins_again_when_the_winner_stays_silent() {
     );
 }
 
-/// The higher priority ignores STX and waits for DLE; QVZ keeps running. [reference 5.5]
+/// The higher priority ignores STX and waits for DLE; QVZ keeps running.
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn high_priority_ignores_stx() {
     run(
@@ -497,7 +498,7 @@ fn an_open_circuit_runs_into_qvz() {
 }
 
 /// CP 341: NAK at start; a disturbed block is followed by silence, NAK and a repetition; BREAK ends the order.
-/// [reference 5.3, 5.4]
+/// [TIA help "Configuration for point-to-point links"]
 #[test]
 fn what_the_cp_341_does_otherwise() {
     run(

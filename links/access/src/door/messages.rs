@@ -39,9 +39,9 @@ pub enum Ask {
     SetClock([u8; 8]),
     /// A system status list, as SFC 51 reads it.
     Szl {
-        /// SZL_ID.
+        /// SZL_ID: which list, and which part of it.
         id: u16,
-        /// INDEX.
+        /// INDEX: which object the list is about.
         index: u16,
     },
     /// The diagnostic buffer, with at most this many entries.
@@ -57,7 +57,7 @@ pub enum Ask {
         /// The last known number; 0: all events; [`u64::MAX`]: only new ones.
         after: u64,
     },
-    /// No more events.
+    /// Ends [`Ask::Events`]: no more events.
     NoEvents,
     /// One of the station's documents.
     Document(Document),
@@ -66,7 +66,7 @@ pub enum Ask {
     Stage {
         /// Which one it is.
         id: BlockId,
-        /// Its bytes.
+        /// Header, code, interface and foot, as MC7 has them.
         bytes: Box<[u8]>,
     },
     /// Adds everything this client has put aside to the program, together (operate). [`Answer::Done`] means that it has
@@ -78,7 +78,7 @@ pub enum Ask {
     Pass(PassOrder),
     /// Forces these cells in place of those before (operate); none: it ends forcing. All of them, or none is.
     Force(Vec<Forced>),
-    /// What is forced.
+    /// The cells that are forced, with their values.
     Forced,
     /// Breakpoints and single step (operate). One client at a time; if it goes, a CPU in HOLD goes to STOP.
     Debug(DebugOrder),
@@ -89,7 +89,7 @@ pub enum Ask {
     Forget(Ticket),
     /// What lies at these addresses of a block's machine code.
     Addresses {
-        /// The block.
+        /// The block with the machine code.
         block: BlockId,
         /// Bytes from the begin of its code.
         wanted: Vec<u16>,
@@ -129,42 +129,42 @@ pub enum Document {
 pub enum Answer {
     /// The request has been carried out or started.
     Done,
-    /// A DATE_AND_TIME.
+    /// Date and time of the CPU, as a DATE_AND_TIME.
     Clock([u8; 8]),
     /// A system status list.
     Szl {
         /// Bytes of a record.
         record: u16,
-        /// The records.
+        /// The records, one after the other.
         bytes: Box<[u8]>,
     },
     /// There is no such list: RET_VAL of SFC 51.
     NoSzl(u16),
-    /// Newest first.
+    /// The entries, newest first.
     Diagnostics(Vec<Diagnosis>),
     /// The operating state, and which modules answer.
     Modules {
-        /// The state.
+        /// Operating state of the CPU.
         state: State,
         /// For each module: whether it answers.
         present: Vec<bool>,
     },
-    /// In ascending order.
+    /// The blocks, in ascending order.
     Blocks(Vec<BlockFact>),
-    /// Its bytes.
+    /// The block as a block folder has it.
     Block(Box<[u8]>),
     /// The request was refused.
     Refused(Refusal),
     /// A document. It is sent in parts, and `last` marks the last one; [`Door`](super::Door) joins them.
     Document {
-        /// Nothing follows.
+        /// Whether this is the last part.
         last: bool,
-        /// The bytes.
+        /// Bytes of this part.
         bytes: Box<[u8]>,
     },
-    /// What was seen.
+    /// What was seen of the pass.
     Pass(Pass),
-    /// The forced cells.
+    /// The forced cells, with their values.
     Forced(Vec<Forced>),
     /// How an order about breakpoints has ended.
     Debug(DebugAnswer),
@@ -227,15 +227,15 @@ pub struct Diagnosis {
     pub time: u64,
     /// When, as a DATE_AND_TIME, by the CPU's clock as it is set now.
     pub wall: [u8; 8],
-    /// The event.
+    /// Number of the event, 16#4302 for instance.
     pub event: u16,
     /// The block it is about.
     pub block: Option<BlockId>,
     /// The line of its source; 0: none.
     pub line: u32,
-    /// Additional information.
+    /// Additional information, by the event: a block, an address, a time.
     pub data: u32,
-    /// In words.
+    /// The event in words.
     pub text: String,
     /// File and line; empty for an entry about no statement.
     pub place: String,
@@ -248,7 +248,7 @@ pub struct Diagnosis {
 /// A block of the program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockFact {
-    /// Kind and number.
+    /// Kind and number of the block.
     pub id: BlockId,
     /// Bytes of its data; 0 for code.
     pub bytes: u32,
@@ -258,36 +258,36 @@ pub struct BlockFact {
     pub name: String,
 }
 
-/// Something has happened.
+/// Something has happened: an entry for those who asked for [`Ask::Events`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
     /// Counts all events, from 1.
     pub number: u64,
     /// When, in nanoseconds of the runtime.
     pub time: u64,
-    /// What.
+    /// What has happened then.
     pub what: What,
 }
 
-/// What has happened.
+/// What can happen in a station.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum What {
     /// An entry of the diagnostic buffer.
     Diagnosis(Diagnosis),
-    /// Another operating state.
+    /// The operating state has become this.
     State(State),
     /// A driver has come up or is gone.
     Driver {
-        /// Of this module.
+        /// Name of the driver's module.
         name: String,
-        /// It is up.
+        /// Whether it is up now.
         up: bool,
     },
     /// A link has come up or is gone.
     Link {
-        /// Its name.
+        /// Name of the link.
         name: String,
-        /// It is up.
+        /// Whether it is up now.
         up: bool,
     },
     /// The number of events lost before this one.
@@ -297,13 +297,13 @@ pub enum What {
 /// The first message to a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Welcome {
-    /// [`VERSION`].
+    /// Version of the messages, [`VERSION`]; another one ends the link.
     pub version: u16,
-    /// The station's name.
+    /// Name of the station, from its station file.
     pub station: String,
-    /// The link's name.
+    /// Name of the link, from the station file.
     pub link: String,
-    /// 300 or 400.
+    /// Family of the CPU: 300 or 400.
     pub family: u16,
     /// The keys of the `[[link]]` table as JSON, without passwords.
     pub config: String,
@@ -315,9 +315,9 @@ pub struct Welcome {
     pub outputs: u32,
     /// Bytes of bit memory.
     pub memory: u32,
-    /// Timers.
+    /// Number of timers of the CPU.
     pub timers: u16,
-    /// Counters.
+    /// Number of counters of the CPU.
     pub counters: u16,
     /// Minimum cycle time in nanoseconds.
     pub min_cycle: u64,
@@ -334,7 +334,7 @@ pub struct Connection {
     pub partner: String,
     /// Its name: a TSAP, or the number and type of a configured connection.
     pub name: String,
-    /// Its state.
+    /// Its state, in a word.
     pub state: String,
     /// The agreed PDU; 0: none.
     pub pdu: u16,
@@ -353,37 +353,37 @@ pub enum ToBroker {
     Watch {
         /// Higher than the previous one.
         generation: u64,
-        /// The pieces.
+        /// The pieces to watch.
         pieces: Vec<Piece>,
     },
     /// A group of writes.
     Write {
-        /// Whose.
+        /// Number of the client whose writes they are.
         client: u32,
-        /// Comes back.
+        /// Number that comes back with the outcome.
         ticket: Ticket,
-        /// What.
+        /// The values; all of them are written, or none.
         puts: Vec<Put>,
     },
-    /// A question.
+    /// A question of a client.
     Ask {
-        /// Whose.
+        /// Number of the client that asks.
         client: u32,
-        /// Comes back.
+        /// Number that comes back with the answer.
         ticket: Ticket,
-        /// What.
+        /// What is asked of the broker.
         ask: Ask,
     },
     /// This client is gone.
     Gone(u32),
-    /// Its present connections.
+    /// Connections of the link at present, for tools that show them.
     Connections(Vec<Connection>),
     /// Who this client is, address and port: passwords wait by the address, and what it changes is recorded under it. A
     /// link that has users of its own records them itself.
     Partner {
-        /// The client.
+        /// Number of the client.
         client: u32,
-        /// Its partner.
+        /// Address and port of its partner.
         partner: String,
     },
 }
@@ -391,16 +391,16 @@ pub enum ToBroker {
 /// A message to a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ToLink {
-    /// The first message.
+    /// The first message; nothing is valid before it.
     Welcome(Welcome),
     /// A snapshot of this generation is there.
     Watching(u64),
     /// Nothing of this generation is watched, because these of its pieces are not allowed. None is named if the pieces
     /// exceed the link's share.
     Unwatched {
-        /// The generation.
+        /// Generation that is not watched.
         generation: u64,
-        /// Indexes of pieces.
+        /// Indexes of the pieces that are not allowed.
         refused: Vec<u32>,
     },
     /// News for the process.
@@ -414,23 +414,23 @@ pub enum News {
     Watching,
     /// The outcome of a group of writes: the scan whose snapshot contains it. A later read sees it.
     Written {
-        /// Whose.
+        /// Number of the client that has written.
         client: u32,
-        /// Of the group.
+        /// Number of the group of writes.
         ticket: Ticket,
         /// The scan, or the first entry that was refused; then nothing was written.
         outcome: Result<u64, Refused>,
     },
-    /// An answer.
+    /// An answer to a question of a client.
     Answer {
-        /// Whose.
+        /// Number of the client that has asked.
         client: u32,
-        /// Of the question.
+        /// Number of the question.
         ticket: Ticket,
-        /// What.
+        /// What the broker says to it.
         answer: Answer,
     },
-    /// An event.
+    /// An event, for a client that asked for them.
     Event(Event),
 }
 
@@ -438,8 +438,8 @@ pub enum News {
 /// nobody knows whether it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// Its index.
+    /// Index of the entry in its group.
     pub entry: u32,
-    /// Why.
+    /// Why it was refused.
     pub why: Refusal,
 }

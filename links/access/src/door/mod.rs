@@ -94,7 +94,7 @@ pub enum NotYet {
 #[error("at most {GROUP_ENTRIES} entries and {WRITE_BYTES} bytes can be written at once")]
 pub struct GroupTooLarge;
 
-/// See [the module](self).
+/// The door of one link; see [the module](self).
 #[derive(Debug)]
 pub struct Door {
     socket: OwnedFd,
@@ -106,7 +106,7 @@ pub struct Door {
     news: VecDeque<News>,
     tickets: Ticket,
     buffer: Vec<u8>,
-    /// Incomplete documents.
+    /// Documents whose last part has not come yet.
     documents: BTreeMap<Ticket, Vec<u8>>,
 }
 
@@ -128,7 +128,7 @@ impl Door {
     /// A door over the socket that the supervisor has handed over, which is the standard input of a link.
     ///
     /// # Errors
-    /// An error of the system.
+    /// [`DoorError::Io`]: the socket cannot be used without waiting.
     pub fn new(socket: OwnedFd) -> Result<Self, DoorError> {
         Ok(Self {
             socket,
@@ -169,7 +169,7 @@ impl Door {
     /// The other end of [`Door::several`]: hands over all doors at once.
     ///
     /// # Errors
-    /// An error of the system.
+    /// The system cannot send over the socket: its other end is gone or does not read.
     pub fn hand_over(socket: &OwnedFd, doors: &[OwnedFd]) -> io::Result<()> {
         let more = (0..doors.len()).rev();
         doors
@@ -193,7 +193,8 @@ impl Door {
     /// Sends waiting messages and receives all that have come.
     ///
     /// # Errors
-    /// [`DoorError`]: the door is gone.
+    /// [`DoorError`]: the door is closed, the system fails, or the broker is of another version. The door is of no use
+    /// then.
     pub fn pump(&mut self) -> Result<(), DoorError> {
         self.send()?;
         while let Some((len, descriptors)) = handover::receive(&self.socket, &mut self.buffer).map_err(ended)? {
@@ -303,7 +304,8 @@ impl Door {
     /// have, or that this link may not read, is refused without affecting the others.
     ///
     /// # Errors
-    /// [`NotYet`].
+    /// [`NotYet`]: it was requested now and comes a cycle later, is more than a link may watch, or the scan was too
+    /// fast.
     pub fn read(&mut self, pieces: &[Piece], into: &mut Reading) -> Result<(), NotYet> {
         if pieces.iter().all(|piece| self.ranges.is_refused(piece)) {
             into.clear(self.newest_scan(), 0, State::Stop);
@@ -384,7 +386,7 @@ impl Door {
         self.say(&ToBroker::Connections(list));
     }
 
-    /// The next news.
+    /// The next news, in the order they came.
     pub fn take_news(&mut self) -> Option<News> {
         self.news.pop_front()
     }

@@ -129,7 +129,7 @@ wire!(enum News {
 macro_rules! packets {
     ($($message:ty),*) => {$(
         impl $message {
-            /// As a packet.
+            /// The message as a packet of the socket.
             #[must_use]
             pub fn encode(&self) -> Vec<u8> {
                 super::wire::encode(self)

@@ -38,7 +38,7 @@ struct Stretch {
 pub struct Cover {
     generation: u64,
     frame: Frame,
-    /// Ascending, not adjacent.
+    /// The merged bytes, ascending, not adjacent.
     stretches: Vec<Stretch>,
     values: BTreeMap<(Cell, Width), usize>,
 }
@@ -47,13 +47,13 @@ pub struct Cover {
 pub type Found = (usize, u32);
 
 impl Cover {
-    /// Merges these pieces.
+    /// Merges these pieces; values of cells that are no bytes stay single.
     #[must_use]
     pub fn merging<'p>(wanted: impl Iterator<Item = &'p Piece>) -> Self {
         Self::of(0, wanted)
     }
 
-    /// The merged pieces.
+    /// The merged pieces, in the order of their snapshot.
     #[must_use]
     pub fn pieces(&self) -> &[Piece] {
         self.frame.pieces()

@@ -26,13 +26,13 @@ struct Item {
 }
 
 impl Reading {
-    /// An empty reading.
+    /// An empty reading, to be filled by [`Door::read`](super::Door::read).
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Number of pieces.
+    /// Number of pieces that were asked for.
     #[must_use]
     pub fn len(&self) -> usize {
         self.items.len()
@@ -57,7 +57,7 @@ impl Reading {
     /// The same as a number of at most four bytes; for a bit 0 or 1.
     ///
     /// # Errors
-    /// As for [`Reading::piece`].
+    /// Why the CPU does not have the piece, or why it may not be read.
     pub fn value(&self, index: usize) -> Result<u32, Refusal> {
         let value = self.piece(index)?.iter().fold(0, |value, byte| value << 8 | u32::from(*byte));
         let bit = self.items.get(index).and_then(|item| item.bit);

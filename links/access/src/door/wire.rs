@@ -4,7 +4,7 @@
 
 /// A value that is sent over the socket.
 pub(crate) trait Wire: Sized {
-    /// Appends it.
+    /// Appends its bytes to `out`.
     fn put(&self, out: &mut Vec<u8>);
     /// Takes it from the front; `None`: the bytes are not such a value.
     fn get(bytes: &mut &[u8]) -> Option<Self>;
@@ -16,7 +16,7 @@ pub(crate) fn decode<T: Wire>(mut bytes: &[u8]) -> Option<T> {
     bytes.is_empty().then_some(value)
 }
 
-/// As a message.
+/// A value as the bytes of a whole message.
 pub(crate) fn encode<T: Wire>(value: &T) -> Vec<u8> {
     let mut out = Vec::new();
     value.put(&mut out);

@@ -19,7 +19,7 @@ const PARTS: usize = 100_000;
 
 /// Moves bytes until something has come.
 pub trait Wire {
-    /// Its errors.
+    /// What can go wrong on the way, a [`Failure`] of the client included.
     type Error: From<Failure>;
     /// Sends the client's output, then waits for bytes and gives them to it.
     ///
@@ -63,7 +63,7 @@ impl<W: Wire> Device<W> {
     /// Waits until the connection is set up.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error: the partner is gone or silent, or refuses the connection or its setup ([`Failure`]).
     pub fn connect(mut client: Client, mut wire: W) -> Result<Self, W::Error> {
         while client.pdu().is_none() {
             wire.exchange(&mut client)?;
@@ -71,7 +71,7 @@ impl<W: Wire> Device<W> {
         Ok(Self { client, wire })
     }
 
-    /// The next telegram.
+    /// The next telegram for us; waits for it on the wire.
     fn next(&mut self) -> Result<Came, W::Error> {
         loop {
             if let Some(came) = self.client.take() {
@@ -122,7 +122,7 @@ impl<W: Wire> Device<W> {
     /// Values of addresses, as many as fit into a PDU.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn read(&mut self, addresses: &[Address]) -> Done<Vec<Result<Vec<u8>, ItemCode>>, W> {
         let mut parameters = vec![function::READ, addresses.len() as u8];
         addresses.iter().for_each(|address| address.write(&mut parameters));
@@ -139,7 +139,7 @@ impl<W: Wire> Device<W> {
     /// A system status list: bytes of a record, and the records.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn szl(&mut self, id: u16, index: u16) -> Done<(u16, Vec<u8>), W> {
         let wanted = [id.to_be_bytes(), index.to_be_bytes()].concat();
         Ok(self.service(Group::Cpu, sub::SZL, &wanted)?.and_then(|data| {
@@ -148,10 +148,10 @@ impl<W: Wire> Device<W> {
         }))
     }
 
-    /// The clock.
+    /// Date and time of the CPU.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn clock(&mut self) -> Done<DateTime, W> {
         let data = self.service(Group::Clock, sub::CLOCK, &[])?;
         Ok(data.and_then(|data| DateTime::read(&data).ok_or(Refused::Answer)))
@@ -160,7 +160,7 @@ impl<W: Wire> Device<W> {
     /// Gives the password, which extends the rights of the connection.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); a wrong password is the inner result.
     pub fn login(&mut self, password: &str) -> Done<(), W> {
         let Some(bytes) = crate::wire::encode_password(password) else {
             return Ok(Err(Refused::Job(Code::PASSWORD)));
@@ -171,7 +171,7 @@ impl<W: Wire> Device<W> {
     /// The numbers of all blocks of a type; none is no error.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn blocks(&mut self, ty: BlockType) -> Done<Vec<u16>, W> {
         let data = match self.service(Group::Blocks, sub::BLOCK_LIST, &[b'0', ty.letter()])? {
             Err(Refused::Job(Code::NO_MORE_BLOCKS | Code::NO_BLOCK)) => Vec::new(),
@@ -185,10 +185,10 @@ impl<W: Wire> Device<W> {
         Ok(Ok(entries.iter().map(|entry| u16::from_be_bytes([entry[0], entry[1]])).collect()))
     }
 
-    /// A whole block.
+    /// A whole block: header, code or values, interface, segments, foot.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); a block that is not there is the inner result.
     pub fn upload(&mut self, ty: BlockType, number: u16) -> Done<Vec<u8>, W> {
         let name = BlockName { ty, number, place: FileSystem::Active }.text();
         let start = [&[function::START_UPLOAD, 0, 0, 0, 0, 0, 0, 0, 9, b'_'][..], &name].concat();
@@ -220,7 +220,7 @@ impl<W: Wire> Device<W> {
     /// Loads a block; it takes effect when it is linked ([`Device::link`]).
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn download(&mut self, ty: BlockType, number: u16, block: &[u8]) -> Done<(), W> {
         let name = BlockName { ty, number, place: FileSystem::Passive }.text();
         let code = block.get(34..36).and_then(<[u8]>::first_chunk::<2>).map_or(0, |len| u16::from_be_bytes(*len));
@@ -262,7 +262,7 @@ impl<W: Wire> Device<W> {
     /// Links blocks that were loaded into the program, together; at most [`Device::linkable`].
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn link(&mut self, blocks: &[(BlockType, u16)]) -> Done<(), W> {
         let mut argument = vec![blocks.len() as u8, 0];
         for (ty, number) in blocks {
@@ -274,7 +274,7 @@ impl<W: Wire> Device<W> {
     /// A program invocation service.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn control(&mut self, argument: &[u8], name: &[u8]) -> Done<(), W> {
         let mut parameters = vec![function::CONTROL, 0, 0, 0, 0, 0, 0, 0xFD];
         parameters.extend_from_slice(&(argument.len() as u16).to_be_bytes());
@@ -284,10 +284,10 @@ impl<W: Wire> Device<W> {
         Ok(self.job(&parameters)?.map(drop))
     }
 
-    /// To STOP.
+    /// Takes the CPU to STOP.
     ///
     /// # Errors
-    /// The wire's error.
+    /// The wire's error ([`Wire::exchange`]); what the partner refuses is the inner result.
     pub fn stop(&mut self) -> Done<(), W> {
         let parameters = [&[function::STOP, 0, 0, 0, 0, 0, 9][..], b"P_PROGRAM"].concat();
         Ok(self.job(&parameters)?.map(drop))

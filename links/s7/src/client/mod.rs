@@ -44,15 +44,15 @@ impl std::error::Error for Failure {}
 /// An answer, or a job of the partner (in a download).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Came {
-    /// Its kind.
+    /// Job, answer, or service.
     pub kind: Kind,
-    /// Its number.
+    /// Number of the job, which its answer copies.
     pub reference: u16,
     /// The outcome of the job.
     pub error: Code,
-    /// The parameters.
+    /// The parameters: function, and what belongs to it.
     pub parameters: Vec<u8>,
-    /// The data.
+    /// The data behind the parameters; empty for some jobs.
     pub data: Vec<u8>,
 }
 
@@ -83,7 +83,7 @@ impl Client {
     /// Bytes from the wire.
     ///
     /// # Errors
-    /// [`Failure`]: the connection is no longer usable.
+    /// [`Failure`]: the partner refuses, or its bytes make no sense. The connection is of no use then.
     pub fn receive(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         self.transport.receive(bytes).map_err(Failure::Broken)?;
         while let Some(event) = self.transport.event().map_err(Failure::Broken)? {

@@ -8,7 +8,7 @@ use crate::wire::pbc;
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// No job.
+    /// The box has no job.
     #[default]
     Idle,
     /// Its data are coming from the CPU.
@@ -17,7 +17,7 @@ pub(super) enum Phase {
     Running,
     /// Its data are going to the CPU.
     Giving,
-    /// It has ended.
+    /// It has ended; the CPU has not seen that yet.
     Ended,
 }
 

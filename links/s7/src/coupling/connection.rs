@@ -9,7 +9,7 @@ use crate::server::{Connection, Settings};
 
 /// Telegrams that wait for AG_RECV; beyond that the partner has to wait, and datagrams are lost.
 const MESSAGES: usize = 8;
-/// Longest datagram.
+/// Longest datagram, in bytes.
 const DATAGRAM: usize = 2048;
 /// R_IDs whose USEND waits for a URCV.
 const INBOX: usize = 64;
@@ -284,7 +284,7 @@ impl Link {
         }
     }
 
-    /// Bytes sent.
+    /// Bytes sent on this connection so far.
     pub(super) const fn out(&self) -> u64 {
         self.out
     }

@@ -5,7 +5,7 @@ use ob1_words::boxes::{Service, status};
 use super::boxes::Phase;
 use super::{Condition, ConnectionKind, Coupling};
 
-/// CMD of AG_CNTRL.
+/// CMD of AG_CNTRL: what is asked of a connection, or of all.
 mod command {
     pub(super) const NOP: u16 = 0;
     pub(super) const STATUS: u16 = 1;

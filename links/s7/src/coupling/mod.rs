@@ -62,11 +62,11 @@ impl ConnectionKind {
 pub struct Spec {
     /// ID of the handling blocks.
     pub id: u16,
-    /// The kind.
+    /// Its kind, which decides the protocol.
     pub kind: ConnectionKind,
     /// We make the connection.
     pub active: bool,
-    /// Our TSAP.
+    /// Our TSAP; empty for TCP and UDP.
     pub local: Tsap,
     /// The partner's TSAP; for a passive connection an empty one means any partner.
     pub remote: Tsap,
@@ -84,7 +84,7 @@ impl Spec {
 pub enum Action {
     /// Make the TCP connection of this index.
     Connect(usize),
-    /// Close it.
+    /// Close the TCP connection of this index.
     Close(usize),
 }
 

@@ -39,7 +39,7 @@ impl Stream {
         self.parts.back_mut().filter(|part| !part.is_ended)
     }
 
-    /// A connection begins.
+    /// A connection begins; one that has not ended is dropped with what it brought.
     pub(super) fn begin(&mut self) {
         self.lose();
         self.count += 1;

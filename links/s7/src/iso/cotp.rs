@@ -8,12 +8,12 @@ pub(super) const TPKT_HEAD: usize = 4;
 /// The header of a data TPDU.
 pub(super) const DATA_HEAD: usize = 3;
 
-/// Kinds of TPDU.
+/// Kinds of TPDU, in the second byte of their header.
 pub(super) const CONNECT: u8 = 0xE0;
 pub(super) const CONFIRM: u8 = 0xD0;
 pub(super) const DISCONNECT: u8 = 0x80;
 pub(super) const DATA: u8 = 0xF0;
-/// Last fragment.
+/// Bit that marks the last fragment of a message.
 const END: u8 = 0x80;
 
 /// Variable parameters of CR and CC.
@@ -40,7 +40,7 @@ impl TpduSize {
         Self(exponent.clamp(7, 13))
     }
 
-    /// In bytes.
+    /// Its size in bytes, 128 to 8192.
     #[must_use]
     pub const fn bytes(self) -> usize {
         1 << self.0

@@ -10,12 +10,12 @@ const MESSAGE: usize = 8192;
 /// Our reference. One connection has one socket, so one number is enough.
 const REFERENCE: u16 = 1;
 
-/// A connection request.
+/// A connection request: who calls whom.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Call {
-    /// The calling TSAP.
+    /// TSAP of the caller.
     pub calling: Tsap,
-    /// The called TSAP.
+    /// TSAP that is called: it names module and resource.
     pub called: Tsap,
     /// It is for a module in another network.
     pub routed: bool,
@@ -36,7 +36,7 @@ pub enum Event {
     Call(Call),
     /// The partner has confirmed our call.
     Open,
-    /// A whole message.
+    /// A whole message, its fragments joined.
     Message(Vec<u8>),
     /// The partner has ended the connection, or refused it, with this reason.
     Ended(u8),
@@ -77,7 +77,7 @@ pub enum Broken {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// No call yet.
+    /// Nobody has called yet.
     Idle,
     /// A partner has called and waits.
     Called,
@@ -87,7 +87,7 @@ enum State {
     Ended,
 }
 
-/// A transport connection.
+/// A transport connection of one socket.
 #[derive(Debug)]
 pub struct Transport {
     state: State,
@@ -109,7 +109,7 @@ impl Default for Transport {
 }
 
 impl Transport {
-    /// No call yet.
+    /// A connection without a call; either side may begin.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -124,7 +124,7 @@ impl Transport {
         }
     }
 
-    /// Calls the partner.
+    /// Calls the partner under this TSAP.
     pub fn call(&mut self, calling: Tsap, called: Tsap) {
         let size = Some(TpduSize::USUAL);
         let connect =
@@ -142,7 +142,7 @@ impl Transport {
     /// Bytes from the wire.
     ///
     /// # Errors
-    /// [`Broken::Flood`].
+    /// [`Broken::Flood`]: more bytes than [`Transport::room`] allows; the connection must end.
     pub fn receive(&mut self, bytes: &[u8]) -> Result<(), Broken> {
         if bytes.len() > self.room() {
             return Err(Broken::Flood);
@@ -158,7 +158,7 @@ impl Transport {
     /// The next event, if enough bytes have come.
     ///
     /// # Errors
-    /// [`Broken`]: close the connection.
+    /// [`Broken`]: the bytes are no ISO transport, or not allowed now. The connection must be closed.
     pub fn event(&mut self) -> Result<Option<Event>, Broken> {
         loop {
             // A caller waits for its answer; bytes after the call are read when the answer has been given.

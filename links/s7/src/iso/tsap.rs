@@ -3,11 +3,11 @@
 /// The kinds of connection a CPU keeps resources for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resource {
-    /// A programming device.
+    /// A programming device (01h).
     Pg,
-    /// An operator panel.
+    /// An operator panel (02h).
     Op,
-    /// Everything else.
+    /// Everything else: other CPUs, SCADA (03h).
     Basic,
 }
 
@@ -37,7 +37,7 @@ pub struct Place {
 pub struct Tsap(Vec<u8>);
 
 impl Tsap {
-    /// Maximum length.
+    /// Maximum length in bytes.
     pub const MAX: usize = 32;
 
     /// A TSAP of these bytes; `None` when there are too many.
@@ -52,7 +52,7 @@ impl Tsap {
         Self(vec![resource.byte(), (place.rack & 7) << 5 | place.slot & 0x1F])
     }
 
-    /// The bytes.
+    /// The bytes as a call has them.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.0

@@ -11,7 +11,7 @@ use crate::wire::{Address, BlockType, DateTime};
 pub struct Request {
     /// Returned with the reply.
     pub id: u64,
-    /// The request.
+    /// What the CPU is asked for.
     pub ask: Ask,
 }
 
@@ -24,21 +24,21 @@ pub enum Ask {
     Write(Vec<Put>),
     /// A system status list. [`Reply::Szl`].
     Szl {
-        /// Its ID.
+        /// SZL-ID: which list, and which part of it.
         id: u16,
-        /// The index.
+        /// INDEX: which object the list is about.
         index: u16,
     },
     /// The list of blocks. [`Reply::Blocks`].
     Blocks,
     /// A whole block: header, code or actual values, interface, segments, foot. [`Reply::Block`].
     Block {
-        /// Its type.
+        /// Its type: OB, DB, FC and so on.
         ty: BlockType,
-        /// Its number.
+        /// Number of the block.
         number: u16,
     },
-    /// The clock. [`Reply::Clock`].
+    /// Date and time of the CPU. [`Reply::Clock`].
     Clock,
     /// Sets the clock. [`Reply::Done`].
     SetClock(DateTime),
@@ -46,7 +46,7 @@ pub enum Ask {
     Control(Control),
     /// Links blocks into the program, together. [`Reply::Done`].
     Load(Vec<Loaded>),
-    /// Deletes blocks. [`Reply::Done`].
+    /// Deletes blocks of the program. [`Reply::Done`].
     Delete(Vec<(BlockType, u16)>),
     /// A password was given. [`Reply::Rights`].
     Login(String),
@@ -55,25 +55,25 @@ pub enum Ask {
     /// Values read or written at a point of the cycle, beside the other requests. [`Reply::Values`],
     /// [`Reply::Written`], or [`Reply::Forgotten`].
     At {
-        /// The point.
+        /// The point at which it is done.
         point: Point,
         /// At each such point, without a reply until it is forgotten.
         stays: bool,
-        /// What.
+        /// What is read or written there.
         access: Access,
     },
     /// One pass through a block, likewise beside the others. [`Reply::Pass`].
     Pass(PassOrder),
     /// A request is not wanted any more: it has its reply before this one. [`Reply::Done`].
     Forget {
-        /// Its number.
+        /// Number of that request.
         request: u64,
         /// So long, in milliseconds, its result may still come.
         patience: u64,
     },
     /// What lies at these addresses of the machine code of a block. [`Reply::Code`].
     Code {
-        /// The block.
+        /// The block with the machine code.
         block: BlockId,
         /// Bytes from the begin of its code.
         wanted: Vec<u16>,
@@ -91,14 +91,14 @@ pub enum Ask {
 /// An access at a point of the cycle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// These values.
+    /// These addresses are read.
     Read(Vec<Address>),
-    /// These are new.
+    /// These values are written.
     Write(Vec<Put>),
 }
 
 impl Access {
-    /// Nothing is accessed.
+    /// Whether nothing is accessed.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         match self {
@@ -122,33 +122,33 @@ pub struct CodePlaces {
 /// One value to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Put {
-    /// Where.
+    /// The address that gets the bytes.
     pub address: Address,
     /// As many bytes as the address has.
     pub bytes: Vec<u8>,
 }
 
-/// A received block.
+/// A block that was received whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Loaded {
-    /// Its type.
+    /// Its type: OB, DB, FC and so on.
     pub ty: BlockType,
-    /// Its number.
+    /// Number of the block.
     pub number: u16,
     /// Header, code or values, interface, segments, foot.
     pub bytes: Vec<u8>,
 }
 
-/// Program invocation services.
+/// Program invocation services that a partner can ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// To STOP.
+    /// The CPU goes to STOP.
     Stop,
-    /// Warm restart.
+    /// Warm restart (OB 100).
     Warm,
-    /// Cold restart.
+    /// Cold restart (OB 102).
     Cold,
-    /// Compress the memory.
+    /// Compresses the memory: `_GARB`.
     Compress,
     /// Copy RAM to ROM.
     CopyRamToRom,
@@ -159,9 +159,9 @@ pub enum Control {
 /// A block of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Listed {
-    /// Its type.
+    /// Its type: OB, DB, FC and so on.
     pub ty: BlockType,
-    /// Its number.
+    /// Number of the block.
     pub number: u16,
     /// The language in its header.
     pub language: u8,
@@ -170,7 +170,7 @@ pub struct Listed {
 /// A reply of the CPU.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// Done.
+    /// Done, with nothing to tell.
     Done,
     /// The bytes of each address, or why there are none.
     Values(Vec<Result<Vec<u8>, ItemCode>>),
@@ -180,24 +180,24 @@ pub enum Reply {
     Szl {
         /// Bytes of a record.
         record: u16,
-        /// The records.
+        /// The records, one after the other.
         bytes: Vec<u8>,
     },
-    /// All blocks.
+    /// All blocks of the CPU.
     Blocks(Vec<Listed>),
-    /// A whole block.
+    /// A whole block, as in a block folder.
     Block(Vec<u8>),
-    /// Date and time.
+    /// Date and time of the CPU.
     Clock(DateTime),
     /// The rights of the connection from now on.
     Rights(Rights),
-    /// A pass.
+    /// A pass through a block.
     Pass(Pass),
     /// Places in machine code.
     Code(CodePlaces),
     /// How an order about breakpoints has ended.
     Debug(DebugAnswer),
-    /// The forced cells.
+    /// The forced cells, with their values.
     Forced(Vec<Forced>),
     /// Its point has not come.
     Forgotten,

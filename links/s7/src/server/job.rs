@@ -11,7 +11,7 @@ const SETUP_BYTES: usize = 8;
 const USUAL_PDU: usize = 240;
 
 impl Connection {
-    /// A whole telegram.
+    /// A whole telegram: a job, a service, or an answer of the partner.
     pub(super) fn telegram(&mut self, bytes: &[u8]) {
         let Some(pdu) = Pdu::read(bytes) else {
             self.end = Some(End::NotS7);

@@ -38,7 +38,7 @@ struct Download {
     ended: bool,
 }
 
-/// Blocks being transferred.
+/// Blocks being transferred, in both directions.
 #[derive(Debug, Default)]
 pub(super) struct Loads {
     uploads: Vec<Upload>,

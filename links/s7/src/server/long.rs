@@ -24,7 +24,7 @@ struct Answer {
     sent: usize,
 }
 
-/// Long answers.
+/// Long answers whose rest has not been asked for yet.
 #[derive(Debug, Default)]
 pub(super) struct LongAnswers {
     answers: Vec<Answer>,
@@ -46,7 +46,7 @@ impl LongAnswers {
         answer(reference, group, sub, &bytes)
     }
 
-    /// The next part.
+    /// The next part of the answer with this number.
     pub(super) fn next(&mut self, reference: u16, group: Group, sub: u8, sequence: u8, pdu: usize) -> Vec<u8> {
         let of = |answer: &Answer| (answer.group, answer.sub, answer.sequence) == (group, sub, sequence);
         let Some(index) = self.answers.iter().position(of) else {

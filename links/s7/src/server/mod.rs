@@ -33,7 +33,7 @@ const OUTPUT: usize = 64 * 1024;
 /// The rights of a connection, and its limits for the setup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Largest PDU.
+    /// Largest PDU that is agreed to, in bytes.
     pub pdu: u16,
     /// Maximum of outstanding jobs.
     pub jobs: u16,
@@ -56,7 +56,7 @@ impl Default for Settings {
 /// Counters of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Jobs and services.
+    /// Jobs and services of the partner.
     pub jobs: u64,
     /// Jobs refused as a whole.
     pub errors: u64,
@@ -104,7 +104,7 @@ enum Step {
     Answer(Vec<u8>),
     /// The CPU must be asked first.
     Ask(Ask, Then),
-    /// Nothing.
+    /// Nothing: the partner expects no answer.
     Silence,
 }
 
@@ -118,7 +118,7 @@ struct Agreed {
     own: usize,
 }
 
-/// A connection.
+/// A connection of a partner, from its call on.
 #[derive(Debug)]
 pub struct Connection {
     transport: Transport,
@@ -146,7 +146,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// A new connection.
+    /// A connection whose partner has not called yet.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         Self {
@@ -192,14 +192,14 @@ impl Connection {
         self.call.as_ref()
     }
 
-    /// Accepts the call.
+    /// Accepts the call: the partner may set up S7 communication.
     pub fn accept(&mut self) {
         self.call = None;
         self.transport.accept();
         self.advance();
     }
 
-    /// Refuses the call.
+    /// Refuses the call; the connection ends.
     pub fn refuse(&mut self, why: Refusal) {
         self.call = None;
         self.transport.refuse(why);
@@ -271,7 +271,7 @@ impl Connection {
         self.rights
     }
 
-    /// Its counters.
+    /// How many jobs there were, refused ones and lost messages.
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts

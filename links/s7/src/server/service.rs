@@ -30,6 +30,6 @@ pub(super) enum Service {
         sub: u8,
         slots: Vec<Slot>,
     },
-    /// Test functions.
+    /// A service of the test functions.
     Test(Ending),
 }

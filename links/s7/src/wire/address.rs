@@ -13,13 +13,13 @@ pub enum Area {
     Inputs,
     /// Process image of the outputs.
     Outputs,
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     Memory,
-    /// A data block.
+    /// The data block that [`Address::db`] names.
     Db,
-    /// Counters.
+    /// Counters, by their numbers.
     Counters,
-    /// Timers.
+    /// Timers, by their numbers.
     Timers,
 }
 
@@ -112,7 +112,7 @@ impl DataType {
 /// A variable, or several in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Address {
-    /// Where.
+    /// Memory area that it lies in.
     pub area: Area,
     /// The data block; 0 elsewhere.
     pub db: u16,
@@ -120,7 +120,7 @@ pub struct Address {
     pub start: u32,
     /// The type of each element.
     pub ty: DataType,
-    /// How many elements.
+    /// How many elements follow each other.
     pub count: u16,
 }
 

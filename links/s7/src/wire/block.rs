@@ -60,7 +60,7 @@ impl BlockType {
         if self.is_system() { IN_CPU } else { LINKED }
     }
 
-    /// The usual name.
+    /// The usual name of the type, "OB".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -82,7 +82,7 @@ pub enum FileSystem {
     Active,
     /// Loaded, but not linked yet.
     Passive,
-    /// Either.
+    /// Linked ones and others.
     Both,
 }
 
@@ -108,11 +108,11 @@ impl FileSystem {
 /// A block by its name on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockName {
-    /// Its type.
+    /// Its type: OB, DB, FC and so on.
     pub ty: BlockType,
-    /// Its number.
+    /// Number of the block.
     pub number: u16,
-    /// Its place.
+    /// Where it is: linked or not.
     pub place: FileSystem,
 }
 
@@ -135,7 +135,7 @@ impl BlockName {
         })
     }
 
-    /// Its bytes.
+    /// Its bytes, in ASCII.
     #[must_use]
     pub fn text(&self) -> [u8; Self::BYTES] {
         let digit = |power: u16| b'0' + (self.number / power % 10) as u8;
@@ -162,7 +162,7 @@ pub fn values_mut(block: &mut [u8]) -> Option<&mut [u8]> {
 /// The content of a block info: the header and the footer of the block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockInfo {
-    /// The type.
+    /// Type of the block.
     pub ty: BlockType,
     /// The first 36 bytes of the block.
     pub head: [u8; HEAD],
@@ -179,7 +179,7 @@ impl BlockInfo {
         Some(Self { ty: BlockType::of_head(head[5])?, head: *head, foot: *foot })
     }
 
-    /// The answer's data.
+    /// The data of the answer: flags, head, foot.
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         // One block; the length of the rest; its flags and origin.

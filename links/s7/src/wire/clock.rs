@@ -9,19 +9,19 @@ const CENTURY: u8 = 0x19;
 /// A date and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct DateTime {
-    /// 1990 to 2089.
+    /// The year, 1990 to 2089.
     pub year: u16,
-    /// 1 to 12.
+    /// The month, 1 to 12.
     pub month: u8,
-    /// 1 to 31.
+    /// The day, 1 to 31.
     pub day: u8,
-    /// 0 to 23.
+    /// The hour, 0 to 23.
     pub hour: u8,
-    /// 0 to 59.
+    /// The minute, 0 to 59.
     pub minute: u8,
-    /// 0 to 59.
+    /// The second, 0 to 59.
     pub second: u8,
-    /// 0 to 999.
+    /// The millisecond, 0 to 999.
     pub ms: u16,
 }
 
@@ -89,7 +89,7 @@ impl DateTime {
         (1..=days).contains(&self.day) && self.hour < 24 && self.minute < 60 && self.second < 60 && self.ms < 1000
     }
 
-    /// 1: Sunday.
+    /// Day of the week; 1 is Sunday.
     fn weekday(&self) -> u8 {
         // Days of the months before, with the year beginning in March.
         let (year, month) = if self.month < 3 { (self.year - 1, self.month + 9) } else { (self.year, self.month - 3) };

@@ -60,14 +60,14 @@ fn pad(out: &mut Vec<u8>) {
     }
 }
 
-/// An item's data.
+/// The data of one item of a read or write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DataItem<'b> {
     /// Its outcome; 0 in a write.
     pub code: ItemCode,
     /// How its length was counted.
     pub transport: u8,
-    /// The data.
+    /// The data, without padding.
     pub bytes: &'b [u8],
 }
 

@@ -54,20 +54,20 @@ pub fn part(r_id: u32, unit: u8, more: bool, total: Option<u16>, bytes: &[u8]) -
 /// A received part of BSEND, or a received USEND.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent<'b> {
-    /// A part.
+    /// A part of a BSEND.
     Part {
-        /// Its R_ID.
+        /// R_ID: which BRCV the part is for.
         r_id: u32,
         /// The sender's count, which some begin with 1 in each BSEND; 0: the only part.
         unit: u8,
-        /// Another one follows.
+        /// Whether another part follows.
         more: bool,
         /// The bytes after R_ID; the first part begins with the total length.
         bytes: &'b [u8],
     },
-    /// A USEND.
+    /// The only telegram of a USEND.
     Usend {
-        /// Its R_ID.
+        /// R_ID: which URCV it is for.
         r_id: u32,
         /// All areas, one after the other, each with its header.
         items: &'b [u8],

@@ -30,11 +30,11 @@ pub mod function {
 /// The kinds of telegram ("ROSCTR").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A job.
+    /// A job (01h): its partner must answer.
     Job,
     /// An answer without parameters: the job was refused as a whole.
     Ack,
-    /// An answer.
+    /// An answer to a job, with parameters (03h).
     Answer,
     /// A service of a programming device, its answer, or a message.
     UserData,
@@ -58,18 +58,18 @@ impl Kind {
     }
 }
 
-/// A telegram.
+/// A telegram, taken apart but not understood yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pdu<'b> {
-    /// Its kind.
+    /// Job, answer, or service.
     pub kind: Kind,
     /// The number that an answer copies from its job.
     pub reference: u16,
     /// In an answer: the outcome of the job.
     pub error: Code,
-    /// The parameters.
+    /// The parameters: function, and what belongs to it.
     pub parameters: &'b [u8],
-    /// The data.
+    /// The data behind the parameters; empty for some telegrams.
     pub data: &'b [u8],
 }
 

@@ -59,26 +59,26 @@ pub mod sub {
     pub const SET_FOLLOWING_CLOCK: u8 = 0x04;
 }
 
-/// Groups of services.
+/// Groups of services, by the low bits of a byte of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Changes of the operating state; messages only.
     Mode,
-    /// Test and commissioning.
+    /// Test and commissioning: block status, variable tables, breakpoints.
     Test,
-    /// Cyclic data.
+    /// Cyclic data, sent until the job is deleted.
     Cyclic,
-    /// Lists of blocks.
+    /// Lists of blocks, and information about one.
     Blocks,
     /// Status lists and messages.
     Cpu,
-    /// Passwords.
+    /// Passwords: given, or not valid any more.
     Security,
-    /// Data of BSEND.
+    /// Data of BSEND (programmable block functions).
     Pbc,
-    /// The clock.
+    /// The clock: read and set.
     Clock,
-    /// An unknown group.
+    /// An unknown group, with its number.
     Other(u8),
 }
 
@@ -131,11 +131,11 @@ impl fmt::Display for Group {
 /// The kinds of telegrams of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram {
-    /// An unsolicited telegram.
+    /// An unsolicited telegram, which nobody answers.
     Message,
-    /// A job.
+    /// A job: the partner must answer.
     Job,
-    /// An answer.
+    /// An answer to a job.
     Answer,
 }
 
@@ -173,7 +173,7 @@ impl fmt::Display for Telegram {
 pub struct UserData<'b> {
     /// Job, answer or message.
     pub telegram: Telegram,
-    /// The group.
+    /// The group of the service.
     pub group: Group,
     /// The service in its group: [`sub`].
     pub sub: u8,
@@ -187,12 +187,12 @@ pub struct UserData<'b> {
     pub error: Code,
     /// The code of the data.
     pub code: ItemCode,
-    /// The data.
+    /// The data, without the four bytes in front.
     pub data: &'b [u8],
 }
 
 impl<'b> UserData<'b> {
-    /// A job.
+    /// A job of this group, in one part.
     #[must_use]
     pub const fn job(group: Group, sub: u8, data: &'b [u8]) -> Self {
         let code = if data.is_empty() { ItemCode::NO_OBJECT } else { ItemCode::DONE };
@@ -244,7 +244,7 @@ impl<'b> UserData<'b> {
         write(Kind::UserData, 0, Code::DONE, &[&MODE[..], &[mode, 0]].concat(), &[])
     }
 
-    /// The telegram.
+    /// The whole telegram, with its header.
     #[must_use]
     pub fn write(&self, reference: u16) -> Vec<u8> {
         let group = self.telegram.nibble() << 4 | self.group.nibble();

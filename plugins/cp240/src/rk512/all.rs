@@ -165,7 +165,6 @@ struct Job {
     failed: bool,
 }
 
-/// FC 4.
 pub(crate) struct All;
 
 impl Block for All {

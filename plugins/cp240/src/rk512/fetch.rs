@@ -24,7 +24,7 @@ interface! {
         in     ZBDW: Int;
         /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 in the partner; FFFFh: none.
         in     KOOR: Word;
-        /// Indicator word.
+        /// Indicator word: state of the order, and its error code.
         out    ANZW: Word;
         /// 1 data block not present, 2 too short, 3 number outside the valid range; returns to 0 automatically.
         out    PAFE: Byte;
@@ -45,7 +45,6 @@ interface! {
     }
 }
 
-/// FC 2.
 pub(crate) struct Fetch;
 
 impl Block for Fetch {

@@ -40,7 +40,7 @@ pub(crate) enum Step {
     Wait,
     /// Write this block of the telegram.
     Post { from: u16, len: u16, word: u16 },
-    /// Write `TX`.
+    /// Write only the count word of `TX`.
     Word(u16),
     /// The CP has the whole order: `TX` is free.
     Handed,

@@ -24,7 +24,7 @@ pub(crate) struct Wish {
     pub(crate) remote: (u16, i32),
     /// Data block and first word in this CPU.
     pub(crate) local: (u16, i32),
-    /// LANG.
+    /// LANG: length in words, as the program gives it.
     pub(crate) words: i16,
     /// KOOR: flag byte and bit, FFFFh for none.
     pub(crate) koor: u16,
@@ -87,7 +87,7 @@ pub(crate) trait Order {
 /// The owner of `TX` while FC 2 or FC 3 passes an order to the CP.
 const TX_OWNER: Key = Key::new(Role::Order, 0);
 
-/// One call.
+/// A call of FC 2 or FC 3: its order, then PAFE.
 pub(crate) fn call<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
     let pafe = run::<O>(cx)?;
     cx.set(O::PAFE, pafe as u8)

@@ -24,7 +24,7 @@ interface! {
         in     ZBDW: Int;
         /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 in the partner; FFFFh: none.
         in     KOOR: Word;
-        /// Indicator word.
+        /// Indicator word: state of the order, and its error code.
         out    ANZW: Word;
         /// 1 data block not present, 2 too short, 3 number outside the valid range; returns to 0 automatically.
         out    PAFE: Byte;
@@ -47,7 +47,6 @@ interface! {
     }
 }
 
-/// FC 3.
 pub(crate) struct SendRk;
 
 impl Block for SendRk {

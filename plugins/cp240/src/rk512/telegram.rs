@@ -35,7 +35,7 @@ pub(super) const fn failed(code: u8) -> u16 {
 /// What to do with `TX` while a telegram is passed to the CP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Tx {
-    /// Nothing yet.
+    /// The CP has not taken the last block yet.
     Wait,
     /// Write the block that begins at this byte of the telegram, and the count word.
     Post { from: u16, len: u16, word: u16 },
@@ -88,7 +88,7 @@ impl Tx {
 /// What to do with `RX` while a telegram is being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rx {
-    /// Nothing yet.
+    /// The CP has not shown the next block yet.
     Wait,
     /// Store `len` bytes, which begin at byte `from` of the telegram, then echo the word.
     Take { from: u16, len: u16, word: u16 },

@@ -87,11 +87,11 @@ impl Figures {
 /// The figures of one organization block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ObFigures {
-    /// Its number.
+    /// Number of the organization block.
     pub ob: u16,
-    /// Its priority class.
+    /// Priority class of the organization block.
     pub priority: u8,
-    /// Completed runs.
+    /// Completed runs since load.
     pub runs: u64,
     /// Requests lost, periods skipped, and requests that came while it was still being executed.
     pub overruns: u64,
@@ -118,7 +118,7 @@ impl ObFigures {
 pub struct BlockFigures {
     /// Kind and number under which it is loaded.
     pub block: BlockId,
-    /// Its name.
+    /// Name of the block, as the plugin gives it.
     pub name: Box<str>,
     /// Each call, without organization blocks and plugin blocks that ran within it.
     pub execution: Histogram,

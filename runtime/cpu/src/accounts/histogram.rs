@@ -72,7 +72,7 @@ impl Recording {
         }
     }
 
-    /// All times together.
+    /// Sum of all recorded times.
     pub(crate) fn sum(&self) -> Span {
         Span::from_nanos(self.sum.get())
     }
@@ -94,7 +94,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Recorded values.
+    /// How many values were recorded.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
@@ -159,7 +159,7 @@ impl Histogram {
         Self { counts, count, sum: self.sum.wrapping_sub(earlier.sum), greatest: self.greatest }
     }
 
-    /// The usual figures.
+    /// The usual figures: count, least, mean, quantiles, greatest.
     #[must_use]
     pub fn distribution(&self) -> Distribution {
         Distribution {
@@ -182,19 +182,19 @@ impl Histogram {
 /// A distribution of times, in few figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distribution {
-    /// Recorded values.
+    /// How many values were recorded.
     pub count: u64,
-    /// Smallest.
+    /// The smallest value; 0 without values.
     pub min: Span,
-    /// Mean, in nanoseconds.
+    /// Mean, in nanoseconds; 0 without values.
     pub mean: f64,
-    /// Median.
+    /// Median: half of the values are at most this.
     pub p50: Span,
     /// 99 % are at most this.
     pub p99: Span,
     /// 99.9 % are at most this.
     pub p999: Span,
-    /// Largest.
+    /// The largest value; 0 without values.
     pub max: Span,
 }
 

@@ -196,7 +196,7 @@ impl Accounts {
         }
     }
 
-    /// Scans so far.
+    /// Number of finished scans since load.
     #[must_use]
     pub fn scans(&self) -> u64 {
         self.scans.get()

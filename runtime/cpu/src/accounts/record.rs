@@ -12,7 +12,7 @@ pub struct Flags {
     pub took_long: bool,
     /// It had not ended when the next was due.
     pub overran: bool,
-    /// The watchdog expired.
+    /// The cycle monitoring time expired in it.
     pub watchdog: bool,
 }
 
@@ -29,9 +29,9 @@ impl Flags {
 pub struct ScanRecord {
     /// Counts the scans, from 1.
     pub scan: u64,
-    /// Its deadline.
+    /// Its deadline: when it should have begun.
     pub planned: Instant,
-    /// When it began.
+    /// When it did begin.
     pub start: Instant,
     /// When it had ended.
     pub end: Instant,
@@ -50,15 +50,15 @@ pub struct ScanRecord {
     pub plugins: Span,
     /// Process image and back plane after OB 1.
     pub outputs: Span,
-    /// Statements executed.
+    /// Statements executed from its start to its end.
     pub statements: u64,
     /// The organization block that took longest, without higher classes; 0: none.
     pub longest_ob: u16,
-    /// Its time.
+    /// How long that block took.
     pub longest_ob_time: Span,
     /// The call of a plugin's block that took longest.
     pub longest_plugin: Option<BlockId>,
-    /// Its time.
+    /// How long that call took.
     pub longest_plugin_time: Span,
     /// The block that was running at the first safe point after the scan had become long.
     pub long_in: Option<BlockId>,

@@ -145,7 +145,7 @@ pub fn compare_int(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
-/// `==D ... <=D`.
+/// `==D ... <=D`, with ACCU2 on the left.
 #[inline]
 pub fn compare_dint(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (a2 as i32, a1 as i32);

@@ -111,7 +111,7 @@ impl Context<'_> {
     /// Enters a block of statements with `local_len` bytes of local data; `instance`: it was called with one.
     ///
     /// # Errors
-    /// There is no room.
+    /// The fault of a block that finds no room: nested too deep, or no local data left.
     pub fn enter(&mut self, instance: bool, entry: &Entry, local_len: u32, r: &mut Regs) -> Result<Saved, Fault> {
         call::enter(instance, entry, local_len, r, self.machine)
     }

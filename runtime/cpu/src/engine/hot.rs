@@ -35,7 +35,7 @@ pub struct Hot {
     pub due: AtomicPtr<AtomicBool>,
     /// The arena's first byte.
     pub arena: AtomicPtr<u8>,
-    /// The arena's bytes.
+    /// Length of the arena in bytes.
     pub arena_len: u32,
     /// References that the stack of references has room for.
     pub refs_len: u32,
@@ -48,7 +48,7 @@ pub struct Hot {
     pub db_index_len: u32,
     /// Data blocks in `dbs`.
     pub dbs_len: u32,
-    /// Data blocks.
+    /// Places of the loaded data blocks, `dbs_len` of them.
     pub dbs: AtomicPtr<Db>,
     /// Timers, as many as [`super::Plan::timers`].
     pub timers: AtomicPtr<Timer>,

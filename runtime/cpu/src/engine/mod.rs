@@ -85,7 +85,7 @@ pub struct Entry {
     pub refs: u32,
     /// Bit n: parameter n was supplied.
     pub given: u64,
-    /// The DB register.
+    /// The DB register, as the caller has left it.
     pub db: Db,
     /// The DI register: the instance of an FB.
     pub di: Db,
@@ -93,7 +93,7 @@ pub struct Entry {
     pub ar2: u32,
     /// The caller's local data.
     pub previous_local: ArenaByte,
-    /// Bytes of them.
+    /// Length of the caller's local data in bytes.
     pub previous_local_len: u32,
 }
 
@@ -122,12 +122,12 @@ pub trait Engine: Send {
     }
 }
 
-/// What makes engines.
+/// What makes engines, and the memory that they work on.
 pub trait Factory {
     /// The engine that runs this plan.
     ///
     /// # Errors
-    /// Why it cannot.
+    /// Why it cannot, in words: this processor or this system lacks something.
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String>;
 
     /// The memory of the CPU: `bytes` bytes of 0. One that covers offsets of 32 bits lets the engine leave checks to

@@ -24,7 +24,7 @@ const _: () = assert!(COPIES + crate::memory::SCRATCH_BYTES <= OWN_LOCAL, "both 
 /// Where an operand lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Where {
-    /// In the arena.
+    /// In the arena, at this bit.
     Arena(ArenaBit),
     /// Byte and bit in the peripheral area.
     Peripheral(BitAddr),

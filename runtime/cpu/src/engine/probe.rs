@@ -21,7 +21,7 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// All of them.
+    /// All watched blocks and their callers, by index.
     pub fn all(&self) -> impl Iterator<Item = u32> {
         self.blocks.into_iter().chain(self.callers).flatten()
     }
@@ -74,7 +74,7 @@ impl Context<'_> {
         Entered { entering, probed: watched || every, statements: self.statements() }
     }
 
-    /// It is left.
+    /// The block is left: its statements are accounted for.
     pub fn leave(&mut self, entered: &Entered) {
         if self.machine.forces_all() {
             self.machine.put_forced();

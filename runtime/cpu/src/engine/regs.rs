@@ -13,56 +13,56 @@ pub const RLO: u32 = 1 << 1;
 pub const STA: u32 = 1 << 2;
 /// Result of the AND in front of an OR.
 pub const OR: u32 = 1 << 3;
-/// Stored overflow.
+/// Stored overflow: an OV since it was last reset.
 pub const OS: u32 = 1 << 4;
-/// Overflow.
+/// Overflow of the last arithmetic statement.
 pub const OV: u32 = 1 << 5;
 /// Condition code 0 (`A0`).
 pub const CC0: u32 = 1 << 6;
 /// Condition code 1 (`A1`).
 pub const CC1: u32 = 1 << 7;
-/// Binary result.
+/// Binary result: how a block tells its caller of success.
 pub const BR: u32 = 1 << 8;
 
 /// Accumulators, address and data block registers, status word of the running block.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Regs {
-    /// ACCU1.
+    /// ACCU1, right-aligned for bytes and words.
     pub a1: u32,
-    /// ACCU2.
+    /// ACCU2, the left operand of arithmetic and comparison.
     pub a2: u32,
-    /// ACCU3.
+    /// ACCU3, on an S7-400 alone.
     pub a3: u32,
-    /// ACCU4.
+    /// ACCU4, on an S7-400 alone.
     pub a4: u32,
-    /// Address register 1.
+    /// Address register 1: area pointer of `[AR1,P#x]`.
     pub ar1: u32,
-    /// Address register 2.
+    /// Address register 2: area pointer of `[AR2,P#x]`, and begin of a multi-instance.
     pub ar2: u32,
     /// OS, OV, CC0, CC1 and BR in their places of the status word.
     pub flags: u32,
     /// Result of logic operation.
     pub rlo: bool,
-    /// `/FC`.
+    /// `/FC`: 1 while a chain of logic goes on.
     pub fc: bool,
-    /// OR.
+    /// OR: result of the AND in front of an OR.
     pub or: bool,
-    /// STA.
+    /// STA: the bit last scanned or written.
     pub sta: bool,
     /// Open brackets, eight bits each, the innermost lowest.
     pub nest: u64,
-    /// The DB register.
+    /// The DB register, set by `AUF DB`.
     pub db: Db,
-    /// The DI register.
+    /// The DI register, set by `AUF DI` and by a call with an instance.
     pub di: Db,
     /// The running block's local data.
     pub local: ArenaByte,
-    /// Bytes of them.
+    /// Length of the local data in bytes.
     pub local_len: u32,
     /// The calling block's local data.
     pub previous_local: ArenaByte,
-    /// Bytes of them.
+    /// Length of the caller's local data in bytes.
     pub previous_local_len: u32,
     /// First reference to an actual parameter.
     pub refs: u32,
@@ -125,7 +125,7 @@ impl Regs {
         }
     }
 
-    /// The status word.
+    /// The status word, as `L STW` loads it.
     pub fn status_word(&self) -> u32 {
         self.flags
             | (u32::from(self.fc) * FC)
@@ -184,14 +184,14 @@ impl Regs {
         self.sta = sta;
     }
 
-    /// SET and CLR.
+    /// SET and CLR: a new RLO, and the end of a chain.
     #[inline]
     pub fn set_rlo(&mut self, rlo: bool) {
         self.rlo = rlo;
         self.end_chain(rlo);
     }
 
-    /// NOT.
+    /// NOT: the RLO becomes its opposite.
     #[inline]
     pub fn invert_rlo(&mut self) {
         self.rlo = !self.rlo;

@@ -20,7 +20,7 @@ const STATUS_300: u32 = 0x1F2;
 /// The low 24 bits of an address register: the area code above them stays when addresses are added.
 const AR_ADDRESS: u32 = 0x00FF_FFFF;
 
-/// Executes one statement.
+/// Executes one statement; a fault is handled by the caller.
 pub(crate) fn step(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     match op {
         Op::Scan { .. }
@@ -120,7 +120,7 @@ pub(crate) fn open_bracket(logic: Logic, negate: bool, r: &mut Regs) {
     r.end_chain(true);
 }
 
-/// `)`.
+/// `)`: combines the RLO of the bracket with the one in front of it.
 pub(crate) fn close_bracket(r: &mut Regs) {
     let entry = r.nest & 0xFF;
     r.nest >>= 8;

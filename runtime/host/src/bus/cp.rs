@@ -28,7 +28,7 @@ const OLDER: usize = 32;
 const LAST_STATION: u8 = 125;
 /// Station status 1 of a diagnosis that the master makes itself: there is no such station.
 const NON_EXISTENT: u8 = 0x01;
-/// No master.
+/// Number of a master that is none: no master has parametrised the slave.
 const NO_MASTER: u8 = 0xFF;
 
 /// A piece of the send area or of the receive area: the data of one slot.
@@ -40,7 +40,7 @@ pub struct DpPiece {
     pub area: usize,
     /// First byte in the image of the bus.
     pub image: usize,
-    /// How many.
+    /// How many bytes it has.
     pub len: usize,
     /// What the receive area holds while the slave is not exchanged with.
     pub on_loss: OnLoss,
@@ -99,11 +99,11 @@ pub(super) struct DpCp {
     receive: Box<[u8]>,
     send: Box<[u8]>,
     slaves: Box<[Slave]>,
-    /// The newest last.
+    /// Older diagnoses, the newest last.
     older: Vec<(u8, Kept)>,
     /// The process has published an image since it started.
     exchanging: bool,
-    /// Run or clear.
+    /// Mode of the master: RUN or CLEAR.
     mode: u8,
     answer: ([u8; STATUS_BYTES + FIELD_BYTES], usize),
 }
@@ -139,7 +139,7 @@ impl DpCp {
         (slave.newest, slave.fresh) = (newest, fresh);
     }
 
-    /// Once a scan.
+    /// Once a scan: notes which slaves came, went, or have a new diagnosis.
     fn look(&mut self, shared: &Shared) {
         let Self { slaves, older, areas, receive, .. } = self;
         let stations = &shared.stations;
@@ -219,7 +219,7 @@ impl DpCp {
         *len = STATUS_BYTES + fits;
     }
 
-    /// DP_DIAG.
+    /// DP_DIAG: makes the answer for DTYPE `wanted`.
     fn diagnose(&mut self, stations: &Stations, wanted: u8, station: u8) {
         match wanted {
             dtype::STATIONS => self.answer(0, &self.list(stations, |slave| !slave.present)),
@@ -253,7 +253,7 @@ impl DpCp {
         }
     }
 
-    /// DP_CTRL.
+    /// DP_CTRL: carries out the job field.
     fn control(&mut self, shared: &mut Shared, field: &[u8]) {
         let (ty, first) = (field.first().copied(), field.get(1).copied());
         let code = match (ty, first) {

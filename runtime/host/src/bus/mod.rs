@@ -26,12 +26,12 @@ pub use stations::{DpStation, Station, StationRules};
 /// What the modules of a bus cannot read while their coupler is lost.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum OnLoss {
-    /// Zeros.
+    /// Their bytes read 0.
     #[default]
     Zero,
     /// What was read last.
     Hold,
-    /// These bytes.
+    /// These bytes, given by the station file.
     Substitute(Vec<u8>),
 }
 

@@ -19,7 +19,7 @@ const LOOK: Span = Span::from_millis(100);
 /// A coupler, as the CPU knows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Station {
-    /// Its diagnostic address.
+    /// Diagnostic address, by which OB 82 and OB 86 name it.
     pub diagnostic: u16,
     /// Its number on the bus.
     pub number: u8,

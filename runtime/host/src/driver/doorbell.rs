@@ -44,7 +44,7 @@ impl Doorbell {
     /// ignored.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system cannot put the descriptor in its place (dup3(2)).
     pub fn hang_up(&self, instead: impl AsFd) -> io::Result<()> {
         // SAFETY: the descriptor is open, because `write_end` owns it, and the alias is never dropped, so it is not
         // closed twice.

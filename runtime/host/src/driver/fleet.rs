@@ -36,7 +36,7 @@ const FIRST_WAIT: Span = Span::from_secs(1);
 /// What the module on the scan thread gets of its driver.
 #[derive(Debug)]
 pub struct DriverPort {
-    /// To wake it.
+    /// Rung to wake the driver when something is for it.
     pub doorbell: Doorbell,
     /// What the supervisor reports, for [`ob1_cpu::Module::poll_event`]. Wait-free; bounded.
     pub reports: Consumer<Report>,
@@ -80,7 +80,7 @@ impl DriverStatus {
         self.attempts.load(Ordering::Acquire)
     }
 
-    /// See [`Supervisor::incidents`].
+    /// Incidents of the driver so far: see [`Supervisor::incidents`].
     #[must_use]
     pub fn incidents(&self) -> u32 {
         self.incidents.load(Ordering::Relaxed)
@@ -118,12 +118,12 @@ struct Driver {
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
     hand_over: Option<HandOver>,
-    /// It serves others.
+    /// It serves others, so it is ended after them.
     ends_last: bool,
 }
 
 impl Fleet {
-    /// No drivers.
+    /// A fleet without drivers; its thread starts with [`Fleet::start`].
     #[must_use]
     pub fn new() -> Self {
         Self::default()

@@ -26,7 +26,7 @@ const ENOUGH: Span = Span::from_millis(200);
 pub struct DriverCommand {
     /// The module's name, for logs and lists.
     pub name: String,
-    /// The program, `ob1-cp`.
+    /// Path of the program, `ob1-cp` or a driver of the user's.
     pub program: PathBuf,
     /// Arguments besides `--segment PATH`.
     pub args: Vec<OsString>,

@@ -159,7 +159,7 @@ impl Messages {
         }
     }
 
-    /// A scan begins.
+    /// A scan begins: the limits of entries for each time are filled up.
     pub(super) fn time(&mut self, now: Instant) {
         self.interrupts.fill(now);
         self.states.fill(now);

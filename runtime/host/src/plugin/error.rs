@@ -11,7 +11,7 @@ use ob1_model::BlockId;
 pub struct PluginError {
     /// The file, as it was named.
     pub path: PathBuf,
-    /// The reason.
+    /// Why it was refused.
     pub refusal: Refusal,
 }
 
@@ -26,7 +26,7 @@ pub enum Refusal {
     NoSymbol,
     /// It was built with another major version of the interface.
     OtherMajor {
-        /// The plugin's.
+        /// Major version that the plugin was built with.
         major: u16,
         /// And its minor version.
         minor: u16,

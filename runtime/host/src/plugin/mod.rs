@@ -34,7 +34,7 @@ use table::{Code, PanicMessage};
 pub struct BlockInfo {
     /// Kind and number it wants.
     pub id: BlockId,
-    /// Its name, `SEND`.
+    /// Name of the block, `SEND`.
     pub name: String,
     /// Its parameters; for an FB with the layout of the instance.
     pub interface: Interface,
@@ -43,17 +43,17 @@ pub struct BlockInfo {
 /// What a plugin says about itself: for the compiler, and for lists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PluginInfo {
-    /// Its name, `cp240`.
+    /// Name of the plugin, `cp240`.
     pub name: String,
-    /// Its version.
+    /// Version of the plugin, `0.1.0`.
     pub version: String,
     /// Major and minor version of the interface it was built with.
     pub abi: (u16, u16),
-    /// Its blocks.
+    /// The blocks that it brings, in the order of its table.
     pub blocks: Vec<BlockInfo>,
 }
 
-/// A loaded plugin.
+/// A plugin whose library is loaded and whose table was checked.
 #[derive(Debug)]
 pub struct Plugin {
     path: PathBuf,
@@ -160,7 +160,7 @@ fn reason(error: &libloading::Error) -> String {
 /// What the plugin at `path` brings, for `ob1 check --plugin`.
 ///
 /// # Errors
-/// As [`Plugin::load`].
+/// The refusals of [`Plugin::load`]: the file, its interface or its table.
 pub fn describe(path: &Path) -> Result<PluginInfo, PluginError> {
     Plugin::load(path).map(|plugin| plugin.info.clone())
 }

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 /// The value of a setting.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// A number.
+    /// A setting that is a number.
     Int(i64),
-    /// A text.
+    /// A setting that is a text.
     Text(String),
 }
 
@@ -17,9 +17,9 @@ pub const STATION: u32 = u32::MAX;
 /// A module of a station as its plugins see it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PluginModule {
-    /// Logical base address.
+    /// Logical base address, by which handling blocks name it.
     pub address: u32,
-    /// Settings by name.
+    /// Its settings by name, as the station file has them.
     pub settings: BTreeMap<String, Setting>,
 }
 

@@ -238,7 +238,7 @@ fn a_new_start_of_the_cp_ends_the_job_once() {
     assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
 }
 
-/// Access error [reference 8.4], after 10 s as at the CP 341. (ours)
+/// Access error (docs/cp040-registers.md), after 10 s as at the CP 341. (ours)
 #[test]
 fn a_cp_that_does_not_come_is_an_access_error_after_10_s() {
     let (mut cpu, blocks) = cp040();

@@ -1,6 +1,6 @@
 //! The handling blocks of the CP 341, loaded as the runtime loads them, against a CP written from
 //! `docs/cp341-channels.md` that answers everything at once: how many calls a job takes, what the outputs say in which
-//! call, edges and levels, R, EN_R, restarts. [reference 1, 2]
+//! call, edges and levels, R, EN_R, restarts. [TIA help "PtP data link CP 341"]
 
 use std::collections::BTreeMap;
 
@@ -325,7 +325,7 @@ fn reset_aborts_the_job_and_blocks() {
     assert_eq!(bench.cp.jobs.len(), 1);
 }
 
-/// "DONE and ERROR/STATUS are also output for a RESET", NDR with LEN = 0. [reference 1.2, 1.5]
+/// "DONE and ERROR/STATUS are also output for a RESET", NDR with LEN = 0. [TIA help "PtP data link CP 341"]
 #[test]
 fn r_on_an_idle_block_is_answered_once_with_done_and_ndr() {
     let mut bench = Bench::new();

@@ -21,7 +21,7 @@ impl<'f> Builder<'f> {
         Self { inner, constants: Vec::with_capacity(64), block: None }
     }
 
-    /// A constant.
+    /// A constant; the same value is made once in a block of code.
     pub(crate) fn iconst(&mut self, ty: Type, value: i64) -> Value {
         let block = self.inner.current_block();
         if self.block != block {

@@ -92,7 +92,7 @@ impl Translation<'_, '_> {
         self.b.ins().jump(start, &[]);
     }
 
-    /// `LOOP`.
+    /// `LOOP`: counts ACCU1-L down and jumps unless it is 0.
     pub(crate) fn count_down(&mut self, to: usize, pc: usize) {
         let low = self.accu_low(0);
         let one = self.word(1);
@@ -105,7 +105,7 @@ impl Translation<'_, '_> {
         self.branch(Bit::Val(more), true, |t| t.go(to, pc));
     }
 
-    /// `SPL`.
+    /// `SPL`: jumps by the number in ACCU1-LL.
     pub(crate) fn jump_list(&mut self, targets: &[u32], otherwise: u32, pc: usize) {
         let low = self.accu_low(0);
         let mask = self.word(0xFF);
@@ -189,7 +189,7 @@ impl Translation<'_, '_> {
         self.b.ins().return_(&[done]);
     }
 
-    /// `BEB`.
+    /// `BEB`: ends the block if the RLO is 1.
     pub(crate) fn end_if(&mut self) {
         let rlo = self.rlo();
         self.branch(rlo, true, |t| {

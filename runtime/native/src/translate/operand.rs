@@ -181,7 +181,7 @@ impl Translation<'_, '_> {
         self.b.ins().iadd(self.arena, byte)
     }
 
-    /// An actual parameter.
+    /// Where an actual parameter lies: found at run time, or known in an inlined block.
     fn param(&mut self, index: u16, at: u32, bits: u32, pc: usize) -> Spot {
         if let Some(inlined) = &self.body.inlined {
             let (base, bit) = match inlined.refs.get(usize::from(index)).copied() {

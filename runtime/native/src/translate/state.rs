@@ -27,7 +27,7 @@ pub(crate) enum Bit {
     At(Value, u8),
 }
 
-/// An accumulator.
+/// What is known of an accumulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Accu {
     Var,
@@ -41,7 +41,7 @@ pub(crate) enum Accu {
     Real(Value),
 }
 
-/// An address register.
+/// What is known of an address register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reg {
     Var,
@@ -49,7 +49,7 @@ pub(crate) enum Reg {
     Val(Value),
 }
 
-/// CC1 and CC0.
+/// What is known of CC1 and CC0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cc {
     Var,
@@ -69,7 +69,7 @@ pub(crate) enum Data {
     Known(Db),
 }
 
-/// An open bracket.
+/// What an open bracket keeps for its end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bracket {
     pub(crate) rlo: Bit,
@@ -78,7 +78,7 @@ pub(crate) struct Bracket {
     pub(crate) logic: ob1_ir::Logic,
 }
 
-/// Everything.
+/// Everything known of the registers at one place of the code.
 #[derive(Clone, Debug)]
 pub(crate) struct State {
     pub(crate) a: [Accu; 2],
@@ -184,7 +184,7 @@ pub(crate) fn constant(b: &Builder<'_>, v: Value) -> Option<i64> {
 }
 
 impl Bit {
-    /// The value.
+    /// The bit as a value of 0 or 1.
     pub(crate) fn value(self, var: Variable, b: &mut Builder<'_>) -> Value {
         match self {
             Bit::Var => b.use_var(var),
@@ -255,7 +255,7 @@ fn combined(result: Value, at: u8, clean: bool) -> Bit {
     if clean { Bit::Val(result) } else { Bit::At(result, at) }
 }
 
-/// `a & b`.
+/// `x & y`, without an instruction where one of them is known.
 pub(crate) fn and(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(false), _) | (_, Bit::Known(false)) => Bit::Known(false),
@@ -269,7 +269,7 @@ pub(crate) fn and(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     }
 }
 
-/// `a | b`.
+/// `x | y`, without an instruction where one of them is known.
 pub(crate) fn or(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(true), _) | (_, Bit::Known(true)) => Bit::Known(true),
@@ -281,7 +281,7 @@ pub(crate) fn or(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     }
 }
 
-/// `a ^ b`.
+/// `x ^ y`, with at most a `not` where one of them is known.
 pub(crate) fn xor(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(x), Bit::Known(y)) => Bit::Known(x != y),
@@ -294,7 +294,7 @@ pub(crate) fn xor(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     }
 }
 
-/// `!a`.
+/// `!x`; of a bit within a value the value is inverted.
 pub(crate) fn not(x: Bit, b: &mut Builder<'_>) -> Bit {
     match x {
         Bit::Known(x) => Bit::Known(!x),

@@ -52,7 +52,7 @@ impl Translation<'_, '_> {
         (running, self.b.ins().icmp(how, now, end))
     }
 
-    /// `U T n`.
+    /// `U T n`: what a scan of the timer gives.
     pub(crate) fn timer_output(&mut self, number: Number) -> Bit {
         let at = fixed(number) * size_of::<Timer>();
         let timers = self.timers();
@@ -71,7 +71,7 @@ impl Translation<'_, '_> {
         Bit::Val(self.b.ins().bor(shown, held))
     }
 
-    /// `U Z n`.
+    /// `U Z n`: whether the count is other than 0.
     pub(crate) fn counter_output(&mut self, number: Number) -> Bit {
         let counters = self.counters();
         let at = fixed(number) * size_of::<Counter>() + offset_of!(Counter, value);
@@ -163,7 +163,7 @@ impl Translation<'_, '_> {
         true
     }
 
-    /// `L T n`.
+    /// `L T n`: the remaining time in binary.
     fn load_timer(&mut self, number: Number) {
         let at = fixed(number) * size_of::<Timer>();
         let timers = self.timers();
@@ -183,7 +183,7 @@ impl Translation<'_, '_> {
         self.load(Accu::Full(value));
     }
 
-    /// `R T n`.
+    /// `R T n`: with RLO 1 the timer stops and shows 0.
     fn reset_timer(&mut self, number: Number) {
         let rlo = self.rlo().value(self.vars.rlo, &mut self.b);
         let at = fixed(number) * size_of::<Timer>();

@@ -64,7 +64,7 @@ struct Wanted {
     ident: u16,
 }
 
-/// `ob1 bus`.
+/// Runs `ob1 bus`, and says how it ended.
 pub(crate) fn run(args: &BusArgs) -> Exit {
     match &args.action {
         BusAction::Watch(args) => watch::run(args),

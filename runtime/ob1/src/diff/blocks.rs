@@ -37,7 +37,7 @@ pub(super) struct Change<'t> {
 }
 
 impl Text {
-    /// `FC 5 "Valve"`.
+    /// Kind, number and name: `FC 5 "Valve"`.
     pub(super) fn title(&self) -> String {
         self.name.as_ref().map_or_else(|| self.id.to_string(), |name| format!("{} \"{name}\"", self.id))
     }

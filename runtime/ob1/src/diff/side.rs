@@ -21,7 +21,7 @@ const CPU: &str = "cpu:";
 /// The station file of a folder.
 const STATION: &str = "station.toml";
 
-/// See [the module](self).
+/// One of the two programs that are compared; see [the module](self).
 #[derive(Clone)]
 pub(crate) struct Side {
     pub(super) title: String,
@@ -33,9 +33,9 @@ pub(crate) struct Side {
     pub(crate) sources: BTreeMap<BlockId, String>,
     /// It is a project, which says how its blocks were made.
     pub(crate) of_project: bool,
-    /// See [`OfProject::protected`].
+    /// Know-how protected blocks: see [`OfProject::protected`].
     pub(crate) protected: BTreeSet<BlockId>,
-    /// See [`OfProject::made`].
+    /// Blocks made in LAD or FBD: see [`OfProject::made`].
     pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
 }
 

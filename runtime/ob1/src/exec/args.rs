@@ -95,7 +95,7 @@ pub struct ExecArgs {
     pub quiet: bool,
 }
 
-/// On or off.
+/// Whether something of the CPU is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Switch {
     /// It is there

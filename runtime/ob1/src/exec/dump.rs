@@ -8,22 +8,22 @@ use ob1_station::files;
 /// What a dump is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DumpArea {
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     Memory,
-    /// A data block.
+    /// The data block with this number.
     Db(u16),
 }
 
-/// A wanted dump.
+/// A dump that the command line asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dump {
-    /// The area.
+    /// Which memory is written.
     pub area: DumpArea,
-    /// The first byte.
+    /// Its first byte, from 0.
     pub from: usize,
-    /// How many.
+    /// How many bytes are written.
     pub len: usize,
-    /// Where to.
+    /// The file that gets the bytes.
     pub file: PathBuf,
 }
 
@@ -51,7 +51,7 @@ impl Dump {
         Ok(Self { area, from: number(from)?, len: number(len)?, file: PathBuf::from(file) })
     }
 
-    /// The bytes.
+    /// The bytes as the CPU has them now; an error if they are not all there.
     pub(super) fn bytes<'c>(&self, cpu: &'c Cpu) -> Result<&'c [u8], String> {
         let (whole, name) = match self.area {
             DumpArea::Memory => (cpu.bit_memory(), "M".to_owned()),

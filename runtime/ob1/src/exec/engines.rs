@@ -30,7 +30,7 @@ impl Engines {
         Self { begun: Instant::now(), cycles: 0, wanted, running: None, quiet: args.quiet }
     }
 
-    /// Between two cycles.
+    /// Between two cycles: asks for machine code once the run has lasted, and takes it over when it comes.
     pub(super) fn attend(&mut self, cpu: &mut Cpu) {
         if let Some((_, successors)) = &mut self.running {
             successors.take_over(cpu);

@@ -18,17 +18,17 @@ pub const STATS_SCHEMA: u32 = 1;
 /// The figures of a run. Reading and compiling the sources is not part of them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stats {
-    /// [`STATS_SCHEMA`].
+    /// Version of this form, [`STATS_SCHEMA`].
     pub schema: u32,
-    /// The exit code.
+    /// Exit code of the command.
     pub exit: u8,
-    /// `stopped`, `limit`, `fault`.
+    /// How the run ended: `stopped`, `limit` or `fault`.
     pub ended: &'static str,
-    /// The engine.
+    /// Name of the engine that ran at the end.
     pub engine: &'static str,
     /// Cycles of OB 1.
     pub scans: u64,
-    /// Statements executed.
+    /// Statements executed in all cycles.
     pub statements: u64,
     /// CPU time of the run.
     pub cpu_seconds: f64,

@@ -6,7 +6,7 @@ use ob1_project::{Area, Choice, Cpu, DpSystem, Module, Project};
 /// The hardware of a program.
 #[derive(Debug, Default)]
 pub(super) struct Hardware {
-    /// The CPU.
+    /// The CPU that the program belongs to; `None`: the project does not say.
     pub(super) cpu: Option<Cpu>,
     /// The modules of its station.
     pub(super) modules: Vec<Module>,

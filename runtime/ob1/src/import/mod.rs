@@ -158,7 +158,7 @@ fn projects(
 /// The program of a project.
 pub(crate) struct OfProject {
     pub(crate) program: Program,
-    /// What it calls.
+    /// Standard and system blocks that it calls.
     pub(crate) library: Library,
     /// The sources made of its blocks.
     pub(crate) sources: BTreeMap<BlockId, String>,
@@ -449,7 +449,7 @@ fn of_machine_code(
     text.map_err(|why| format!("{id} stays in machine code: {why}"))
 }
 
-/// `UDT 1`, `udt1`.
+/// The number of a UDT: `UDT 1`, `udt1`.
 fn udt_number(wanted: &str) -> Option<u16> {
     let (kind, number) = wanted.trim().split_at_checked(3)?;
     kind.eq_ignore_ascii_case("UDT").then(|| number.trim().parse().ok())?

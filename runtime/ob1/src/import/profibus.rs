@@ -54,7 +54,7 @@ impl GsdFiles {
 pub(super) struct Slaves {
     /// Tables of the station file.
     pub(super) text: String,
-    /// Names of these.
+    /// Names used in these tables; each is given once.
     pub(super) names: BTreeSet<String>,
     /// Files they need: path below the station, content.
     pub(super) files: Vec<(String, Vec<u8>)>,

@@ -15,7 +15,7 @@ use ob1_station::program;
 /// The letters of a block's head that are kept: NAME has 8.
 const NAME: usize = 8;
 
-/// What is replaced.
+/// What is replaced, and what there is to say of it.
 #[derive(Debug, Default)]
 pub(super) struct Replaced {
     /// Number in the project, and our block.

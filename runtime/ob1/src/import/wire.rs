@@ -36,7 +36,7 @@ pub(crate) struct Unit {
     pub(crate) password: Option<String>,
 }
 
-/// A socket.
+/// A TCP connection to the CPU.
 #[derive(Debug)]
 pub(super) struct Socket {
     stream: TcpStream,

@@ -17,7 +17,7 @@ use folder::File;
 const NAME: &str = "N001";
 /// Something lies there already.
 const TAKEN: &str = "N002";
-/// The system refused.
+/// The system refused to write the folder or a file of it.
 const REFUSED: &str = "N003";
 /// The crate for plugins in Rust is not to be found.
 const NO_SDK: &str = "N004";

@@ -363,13 +363,13 @@ fn names(network: &Network) -> Vec<String> {
 /// What is drawn of a program.
 #[derive(Debug, Default)]
 struct Counted {
-    /// With statements.
+    /// Networks that have statements.
     networks: usize,
     /// Of these, those that somebody has drawn, or may have drawn.
     graphical: usize,
     /// Of these, those that can be drawn.
     drawn: usize,
-    /// And the others.
+    /// The others, each with the reason.
     left: Vec<(BlockId, u16, Reason)>,
 }
 

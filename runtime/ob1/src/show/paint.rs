@@ -5,11 +5,11 @@ use ob1_ladder::{Drawing, Place, text};
 
 /// Back to what was before.
 pub(crate) const PLAIN: &str = "\u{1b}[0m";
-/// Fulfilled; new.
+/// What is fulfilled; in a difference what is new.
 pub(crate) const GREEN: &str = "\u{1b}[32m";
-/// Not fulfilled.
+/// What is not fulfilled.
 pub(crate) const BLUE: &str = "\u{1b}[34m";
-/// Gone.
+/// In a difference what is gone.
 pub(crate) const RED: &str = "\u{1b}[31m";
 
 /// The lines of a drawing; `colour` gives that of a place.

@@ -13,7 +13,7 @@ use crate::statistics::PERCENTILES;
 pub struct Budget {
     /// As it was written.
     pub text: String,
-    /// What is limited.
+    /// The figure that is limited.
     pub what: What,
     /// The limit: nanoseconds, a count, a share (0 to 1), or something an hour.
     pub limit: f64,
@@ -28,7 +28,7 @@ pub enum What {
     Max(String),
     /// The mean of a distribution.
     Mean(String),
-    /// Something counted.
+    /// Something counted: the station's sum.
     Count(Counted),
     /// Growth of a cell of the program from the beginning to the end.
     Cell(String),
@@ -38,7 +38,7 @@ pub enum What {
     Slope(String),
 }
 
-/// What is counted.
+/// What is counted, over the whole measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counted {
     /// Deadlines no cycle began for.

@@ -24,7 +24,7 @@ use ob1_station::station_file;
 const TICK: Duration = Duration::from_millis(50);
 /// Between two live lines.
 const LIVE: Duration = Duration::from_secs(1);
-/// Between two checkpoints.
+/// Time between two checkpoints.
 const CHECKPOINT: Duration = Duration::from_secs(60);
 /// Intervals of the time series, if they are not shorter than [`SHORTEST`] then: enough for a slope, few enough to draw
 /// one in no time.

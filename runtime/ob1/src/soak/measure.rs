@@ -19,7 +19,7 @@ pub(super) struct Reading {
     pub(super) cells: Vec<f64>,
     /// Resident memory of the station's process.
     pub(super) rss_bytes: u64,
-    /// Its open descriptors.
+    /// Open descriptors of the station's process.
     pub(super) fds: u64,
     /// Resident memory of its drivers.
     pub(super) drivers_rss_bytes: u64,

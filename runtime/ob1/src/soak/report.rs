@@ -17,11 +17,11 @@ pub const SOAK_SCHEMA: u32 = 1;
 /// A soak, finished or under way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// [`SOAK_SCHEMA`].
+    /// Version of this form, [`SOAK_SCHEMA`].
     pub schema: u32,
-    /// Version of `ob1`.
+    /// Version of the `ob1` that has measured.
     pub version: String,
-    /// The station's name.
+    /// Name of the station.
     pub station: String,
     /// When it began, in seconds since 1970.
     pub began_unix_s: u64,
@@ -33,7 +33,7 @@ pub struct Report {
     pub measured_ns: u64,
     /// Length of an interval of the time series.
     pub interval_ns: u64,
-    /// How it ended.
+    /// How it ended, or that it is under way.
     pub ended: Ended,
     /// More about an end that nobody wanted.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -52,7 +52,7 @@ pub struct Report {
     pub percentiles: Vec<Percentiles>,
     /// Growth of the series an hour: nanoseconds, bytes or counts.
     pub slopes: Vec<NamedSlope>,
-    /// The CPs.
+    /// What each CP has counted.
     pub telegrams: Vec<CpLedger>,
     /// Cells of the program.
     pub cells: Vec<CellLedger>,
@@ -60,7 +60,7 @@ pub struct Report {
     pub posture: Vec<GrantStatus>,
     /// The diagnostic buffer, newest first.
     pub diagnostics: Vec<Diagnostic>,
-    /// The time series.
+    /// The time series: an interval after the other, without gaps.
     pub intervals: Vec<Interval>,
     /// The accounts of all scans that were measured, with the buckets of all distributions; none before the first
     /// reading.
@@ -73,11 +73,11 @@ pub struct Report {
 pub struct Percentiles {
     /// Its name, as in a budget.
     pub name: String,
-    /// How many values.
+    /// How many values the distribution has.
     pub count: u64,
     /// The greatest, in nanoseconds.
     pub max_ns: u64,
-    /// `p50` to `p99.999`.
+    /// The percentiles `p50` to `p99.999`, by these names.
     pub values: Vec<(String, Percentile)>,
 }
 
@@ -95,7 +95,7 @@ pub struct NamedSlope {
 /// What a CP has counted since the measurement began.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CpLedger {
-    /// The module's name.
+    /// Name of the CP's module.
     pub cp: String,
     /// Send orders taken over.
     pub accepted: u64,
@@ -122,9 +122,9 @@ pub struct CpLedger {
 /// A cell of the program, a counter of its own such as `DB20.WRONG`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CellLedger {
-    /// Its name.
+    /// Name of the cell, as the budget writes it.
     pub name: String,
-    /// What it counts.
+    /// What its value stands for.
     #[serde(default)]
     pub role: Role,
     /// When the measurement began.
@@ -190,17 +190,17 @@ impl CellLedger {
 pub struct Interval {
     /// Its end, from the beginning of the measurement.
     pub end_ns: u64,
-    /// Scans in it.
+    /// Scans that ended in the interval.
     pub scans: u64,
-    /// Late ones.
+    /// How many of them were late.
     pub late: u64,
-    /// Missed deadlines.
+    /// Deadlines missed in the interval.
     pub missed: u64,
-    /// Cycle time.
+    /// Cycle time: from one start to the next.
     pub cycle: Brief,
-    /// Wake-up.
+    /// Wake-up: from the deadline to the start.
     pub wake: Brief,
-    /// Execution.
+    /// Execution: from the start to the end.
     pub execution: Brief,
     /// Resident memory of the station's process.
     pub rss_bytes: u64,
@@ -208,23 +208,23 @@ pub struct Interval {
     pub fds: u64,
     /// Resident memory of the drivers.
     pub drivers_rss_bytes: u64,
-    /// Telegrams done.
+    /// Telegrams done by all CPs in the interval.
     pub done: u64,
 }
 
 /// A distribution within an interval, in nanoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Brief {
-    /// Median.
+    /// Median: half of the values are at most this.
     pub p50_ns: u64,
     /// 99 % are at most this.
     pub p99_ns: u64,
-    /// Greatest.
+    /// The greatest value of the interval.
     pub max_ns: u64,
 }
 
 impl Report {
-    /// Reads a report.
+    /// Reads a report from its file, and checks its version.
     ///
     /// # Errors
     /// What is wrong with the file, in one sentence.

@@ -13,7 +13,7 @@ pub enum Ended {
     UnderWay,
     /// The time is over.
     Time,
-    /// Ctrl-C or SIGTERM.
+    /// Ended early, by Ctrl-C or SIGTERM.
     Interrupted,
     /// The CPU went to STOP.
     CpuStopped,
@@ -22,7 +22,7 @@ pub enum Ended {
 }
 
 impl Ended {
-    /// In words.
+    /// The end in words, as the report says it.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
@@ -39,17 +39,17 @@ impl Ended {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Kept.
+    /// The limit was kept.
     Pass,
     /// Too little has been seen to tell.
     #[default]
     Inconclusive,
-    /// Broken.
+    /// The limit was broken.
     Broken,
 }
 
 impl Verdict {
-    /// As printed.
+    /// The verdict in a word, as it is printed.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
@@ -69,7 +69,7 @@ impl Verdict {
         }
     }
 
-    /// The exit code.
+    /// The exit code that belongs to the verdict.
     #[must_use]
     pub const fn exit(self) -> SoakExit {
         match self {
@@ -85,9 +85,9 @@ impl Verdict {
 pub struct Finding {
     /// The limit, as on the command line.
     pub budget: String,
-    /// What was measured.
+    /// The measured value, with its unit.
     pub measured: String,
-    /// The verdict.
+    /// What became of this limit.
     pub verdict: Verdict,
     /// Why, and what to look at.
     #[serde(default, skip_serializing_if = "String::is_empty")]

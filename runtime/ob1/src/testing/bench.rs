@@ -214,7 +214,7 @@ impl Bench {
         }
     }
 
-    /// The process outputs.
+    /// The process side of the I/O image: reads outputs, sets inputs.
     pub(super) fn field(&self) -> IoField {
         self.field.clone()
     }

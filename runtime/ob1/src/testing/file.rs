@@ -7,7 +7,7 @@ use toml::Spanned;
 
 /// A value with its place in the file.
 pub(super) type Placed<T> = Spanned<T>;
-/// Cells with values.
+/// Cells by their names, each with a value.
 pub(super) type Cells = BTreeMap<Placed<String>, Placed<toml::Value>>;
 
 #[derive(Debug, Deserialize)]

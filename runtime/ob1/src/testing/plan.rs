@@ -27,7 +27,7 @@ pub(super) struct Plan {
     pub(super) tests: Vec<Test>,
 }
 
-/// What is tested.
+/// What the tests of a file are about.
 #[derive(Debug)]
 pub(super) enum Tested {
     Sources(Sources),
@@ -41,7 +41,7 @@ impl Plan {
     }
 }
 
-/// One test.
+/// One test, understood as far as the file alone tells.
 #[derive(Debug)]
 pub(super) struct Test {
     pub(super) name: String,
@@ -193,7 +193,7 @@ fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {
     Step { at, until, command, set: table.set, run, expect: table.expect, state, diagnostics }
 }
 
-/// `2522h`.
+/// Number of an event, written as `2522h`.
 fn number_of(f: &mut Findings<'_>, event: &Placed<String>) -> Option<u16> {
     let text = event.get_ref().trim_end_matches(['h', 'H']);
     let number = (text.len() == 4).then(|| u16::from_str_radix(text, 16).ok()).flatten();

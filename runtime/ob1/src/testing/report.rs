@@ -10,7 +10,7 @@ use ob1_station::finding::Finding;
 /// One test that was run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Its name.
+    /// Name of the test, as the file gives it.
     pub name: String,
     /// Why it failed, with line; empty: it passed.
     pub failures: Vec<Failure>,
@@ -29,14 +29,14 @@ pub struct Failure {
     pub text: String,
 }
 
-/// A test file.
+/// What became of one test file.
 #[derive(Clone, Debug)]
 pub struct FileReport {
     /// As it was named.
     pub file: String,
     /// Why it could not be run; empty when it could.
     pub refused: Vec<Finding>,
-    /// Its tests.
+    /// The outcomes of its tests, in the order of the file.
     pub outcomes: Vec<Outcome>,
 }
 
@@ -68,7 +68,7 @@ impl FileReport {
 /// Writes all reports as JUnit XML. Times are real times; a file that could not be run is a test case with an error.
 ///
 /// # Errors
-/// What the system says.
+/// The file cannot be written; what the system says.
 pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
     files::write(path, junit(reports).as_bytes())
 }

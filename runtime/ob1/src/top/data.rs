@@ -23,7 +23,7 @@ pub(super) struct Look {
     pub(super) diagnostics: Vec<Diagnostic>,
     /// Those of the CPs that have one of their own.
     pub(super) cp_buffers: Vec<CpBuffer>,
-    /// The buses.
+    /// The buses with their couplers and slaves.
     pub(super) buses: Vec<BusStatus>,
     /// The links with their connections.
     pub(super) links: Vec<LinkStatus>,
@@ -31,7 +31,7 @@ pub(super) struct Look {
     pub(super) values: Vec<(Watched, Result<CellValue, String>)>,
 }
 
-/// What is known.
+/// What is known of the station now, and at the look before.
 #[derive(Debug)]
 pub(super) struct Data {
     pub(super) now: Look,
@@ -72,7 +72,7 @@ impl Data {
         Some((&self.before.as_ref()?.buses, self.seconds()))
     }
 
-    /// Scans a second.
+    /// Scans a second since the look before; `None`: there was none.
     pub(super) fn scan_rate(&self) -> Option<f64> {
         self.rate(|look| look.timing.scans)
     }

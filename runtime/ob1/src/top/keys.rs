@@ -12,7 +12,7 @@ pub(super) enum Key {
     Down,
 }
 
-/// What is shown.
+/// Which page is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Tab {
     #[default]
@@ -62,7 +62,7 @@ pub(super) enum Entry {
     Block(String),
     /// A new value for a cell.
     Value {
-        /// The cell.
+        /// The name of the cell.
         cell: String,
         text: String,
     },

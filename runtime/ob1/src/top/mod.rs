@@ -50,7 +50,7 @@ pub struct TopArgs {
     pub plain: bool,
 }
 
-/// Why it ended.
+/// Why `ob1 top` could not go on.
 #[derive(Debug, thiserror::Error)]
 enum TopError {
     #[error(transparent)]

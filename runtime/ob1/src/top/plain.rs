@@ -161,7 +161,7 @@ pub(super) fn values(data: &Data) -> Vec<String> {
     data.now.values.iter().map(line).collect()
 }
 
-/// The whole look.
+/// The whole look as lines of text.
 pub(super) fn text(data: &Data) -> String {
     let mut out = format!("{}\n{}{}", head(data), first(data), times(data));
     out += &ob1_station::timing::text::late(&data.now.timing.late);

@@ -16,7 +16,7 @@ use ob1_station::timing::snapshot::Spread;
 /// Columns of a bar of a histogram, and between two.
 const BAR: u16 = 7;
 
-/// Draws everything.
+/// Draws the head, the page in view and the line for the keys.
 pub(super) fn draw(frame: &mut Frame<'_>, data: &Data, keys: &Keys, note: &str) {
     let rows =
         Layout::vertical([Constraint::Length(2), Constraint::Length(1), Constraint::Min(4), Constraint::Length(1)]);

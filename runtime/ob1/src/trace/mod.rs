@@ -79,9 +79,9 @@ pub enum TraceError {
     /// The recording cannot be understood.
     #[error("{}: {error}", .path.display())]
     Recording {
-        /// Which.
+        /// Path of the recording.
         path: PathBuf,
-        /// Why.
+        /// What is wrong with it.
         error: RecordingError,
     },
     /// A file would be overwritten by what is made of it, or by something else.
@@ -90,9 +90,9 @@ pub enum TraceError {
     /// A file cannot be read or written.
     #[error("{}: {error}", .path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// What the system says.
         error: io::Error,
     },
     /// Waiting or printing failed.

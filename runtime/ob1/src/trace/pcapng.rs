@@ -11,7 +11,7 @@ use ob1_trace::Cp;
 
 use super::s7::Link;
 
-/// `LINKTYPE_RTAC_SERIAL`.
+/// `LINKTYPE_RTAC_SERIAL`: frames with a pseudo header of 12 bytes.
 const LINK_TYPE: u16 = 250;
 /// `LINKTYPE_RAW`: packets that begin with the head of IP.
 const RAW: u16 = 101;
@@ -19,7 +19,7 @@ const RAW: u16 = 101;
 const SENT: u8 = 0x03;
 const RECEIVED: u8 = 0x04;
 
-/// Writes a capture.
+/// Writes a capture for Wireshark.
 #[derive(Debug)]
 pub struct Pcapng<W> {
     file: W,
@@ -34,7 +34,7 @@ impl<W: Write> Pcapng<W> {
     /// Begins one with a section header.
     ///
     /// # Errors
-    /// Of the file.
+    /// The file cannot be written.
     pub fn new(mut file: W) -> io::Result<Self> {
         let mut section = Vec::new();
         section.extend(0x1A2B_3C4D_u32.to_le_bytes());
@@ -70,10 +70,10 @@ impl<W: Write> Pcapng<W> {
         self.frames
     }
 
-    /// Takes a record.
+    /// Takes a record of the CP or link with this number; of others nothing is written.
     ///
     /// # Errors
-    /// Of the file.
+    /// The file cannot be written.
     pub fn take(&mut self, number: u8, record: &Record<'_>) -> io::Result<()> {
         if record.kind == Kind::Hello {
             self.finish_one(number)?;
@@ -103,7 +103,7 @@ impl<W: Write> Pcapng<W> {
     /// Writes what is still open.
     ///
     /// # Errors
-    /// Of the file.
+    /// The file cannot be written.
     pub fn finish(&mut self) -> io::Result<()> {
         for number in self.cps.keys().copied().collect::<Vec<_>>() {
             self.finish_one(number)?;

@@ -36,7 +36,7 @@ impl Printer {
         Self { raw, cps: BTreeMap::new(), links: BTreeMap::new(), held: BTreeMap::new(), text: String::new() }
     }
 
-    /// Takes a record.
+    /// Takes a record of the CP or link with this number.
     pub fn take(&mut self, number: u8, record: &Record<'_>) {
         self.tell(number, record);
         self.release(number);

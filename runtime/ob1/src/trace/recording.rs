@@ -19,17 +19,17 @@ pub enum RecordingError {
     Damaged(usize),
 }
 
-/// Writes a recording.
+/// Writes the records of a trace into a file.
 #[derive(Debug)]
 pub struct Recorder<W> {
     file: W,
 }
 
 impl<W: Write> Recorder<W> {
-    /// Begins one.
+    /// Begins a recording: magic and version.
     ///
     /// # Errors
-    /// Of the file.
+    /// The file cannot be written.
     pub fn new(mut file: W) -> io::Result<Self> {
         file.write_all(&MAGIC)?;
         file.write_all(&VERSION.to_le_bytes())?;
@@ -39,7 +39,7 @@ impl<W: Write> Recorder<W> {
     /// Adds a record: at once, so that Ctrl-C leaves whole ones only.
     ///
     /// # Errors
-    /// Of the file.
+    /// The file cannot be written; `InvalidInput` for a record of more than 65535 bytes.
     pub fn write(&mut self, cp: u8, record: &Record<'_>) -> io::Result<()> {
         let head = Record::head(record.time, record.kind);
         // A message never holds so much.
@@ -55,7 +55,7 @@ impl<W: Write> Recorder<W> {
 /// The records of a recording. One that was cut off, as by a full disk, ends with an error after all that is whole.
 ///
 /// # Errors
-/// [`RecordingError::Magic`], [`RecordingError::Version`].
+/// [`RecordingError::Magic`]: it is no recording; [`RecordingError::Version`]: of another version.
 pub fn read(bytes: &[u8]) -> Result<impl Iterator<Item = Result<(u8, Record<'_>), RecordingError>>, RecordingError> {
     let rest = bytes.strip_prefix(&MAGIC).ok_or(RecordingError::Magic)?;
     let (version, mut rest) = rest.split_first_chunk::<2>().ok_or(RecordingError::Magic)?;

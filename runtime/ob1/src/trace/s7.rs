@@ -30,7 +30,7 @@ pub(super) struct Link {
     sent: BTreeMap<(u32, bool), u32>,
 }
 
-/// A telegram.
+/// A telegram in words, with its direction and its bytes.
 pub(super) struct Told {
     pub(super) way: Way,
     pub(super) text: String,

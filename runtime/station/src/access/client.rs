@@ -25,7 +25,7 @@ pub enum AccessError {
         .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     NotRunning {
-        /// Its name.
+        /// Name of the station.
         name: String,
         /// Where its directory could be.
         searched: Vec<PathBuf>,
@@ -36,7 +36,7 @@ pub enum AccessError {
         .file.display()
     )]
     NoName {
-        /// The file.
+        /// The file that was named.
         file: PathBuf,
         /// What is wrong with it.
         why: String,
@@ -48,10 +48,10 @@ pub enum AccessError {
         ANSWER_TIME.as_secs()
     )]
     Silent,
-    /// The connection broke.
+    /// The connection broke, or its answer is not one.
     #[error("the station does not answer: {0}")]
     Io(#[source] io::Error),
-    /// The station refused.
+    /// The station refused, for this reason.
     #[error("{0}")]
     Refused(String),
 }
@@ -66,7 +66,7 @@ impl Client {
     /// Connects to a station by its name or its station file.
     ///
     /// # Errors
-    /// [`AccessError::NotRunning`], [`AccessError::NoName`].
+    /// [`AccessError::NoName`]: the file does not say its name; [`AccessError::NotRunning`]: nobody answers there.
     pub fn to_station(station: &str) -> Result<Self, AccessError> {
         let name = name_of(station)?;
         let not_running = || AccessError::NotRunning { name: name.clone(), searched: rundir::bases() };
@@ -77,7 +77,7 @@ impl Client {
     /// Connects to a socket.
     ///
     /// # Errors
-    /// What the system says.
+    /// Nobody listens there (`NotFound`, `ConnectionRefused`), or it is another user's.
     pub fn to_socket(socket: &Path) -> io::Result<Self> {
         let stream = UnixStream::connect(socket)?;
         stream.set_read_timeout(Some(ANSWER_TIME))?;

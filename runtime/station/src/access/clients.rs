@@ -20,7 +20,6 @@ const CLIENTS: usize = 32;
 const WRITE_TIME: Duration = Duration::from_secs(5);
 /// First pause before new clients are accepted again when no descriptor was free; it doubles each time.
 const PAUSE: Duration = Duration::from_millis(10);
-/// Longest pause.
 const LOOK: Duration = Duration::from_secs(1);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
@@ -138,7 +137,7 @@ fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
-/// All of them.
+/// All connections of the control socket.
 pub(super) struct Clients {
     list: Vec<Client>,
     last: u32,

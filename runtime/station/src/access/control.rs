@@ -29,7 +29,7 @@ const LOAD_TIME: Span = Span::from_secs(55);
 /// A request under way.
 pub(super) struct Pending {
     client: u32,
-    /// In watched time.
+    /// When it is given up, in watched time.
     give_up: Instant,
     work: Work,
 }
@@ -131,13 +131,13 @@ impl Control {
         Pending { client, give_up: self.watched.time().saturating_add(self.answer_time), work }
     }
 
-    /// Writes.
+    /// Writes these values in their order, in as many groups as they need.
     pub(super) fn write(&self, client: u32, puts: Vec<Put>) -> Pending {
         let work = Work::Write { rest: puts.into(), before: 0, group: None };
         Pending { client, give_up: self.broker_gives_up(), work }
     }
 
-    /// Asks.
+    /// Asks the broker on behalf of this client.
     pub(super) fn ask(&mut self, client: u32, ask: Ask) -> Pending {
         let work = Work::Ask(self.door.ask(client, ask));
         Pending { client, give_up: self.broker_gives_up(), work }

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use super::pass::named;
 use crate::known::KnownProgram;
 
-/// What is wanted.
+/// What a client wants of breakpoints and single step.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case", tag = "do")]
 pub enum DebugWanted {
     /// Breakpoints at these places, no others: `FB 20`, `FB 20:14` (a line of its source), `FB 20+3` (a statement, from
     /// 0). At most [`BREAKPOINTS`].
     Break {
-        /// The places.
+        /// The places, each as above.
         at: Vec<String>,
     },
     /// Wait until the CPU holds.
@@ -24,7 +24,7 @@ pub enum DebugWanted {
     },
     /// Leave HOLD, and wait until the CPU holds again.
     Go {
-        /// How far.
+        /// How far it may go.
         to: GoTo,
         /// How long it is waited for, in milliseconds.
         wait_ms: u64,
@@ -70,7 +70,7 @@ impl From<GoTo> for Resume {
     }
 }
 
-/// How it is.
+/// What has become of it, and where the CPU is.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct DebugStatus {
     /// `done`, `held`, `runs` (it has not come to a breakpoint in time), `stopped`.
@@ -89,9 +89,9 @@ pub struct DebugStatus {
 /// A block under way.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct DebugBlock {
-    /// `FB 20`.
+    /// Kind and number: `FB 20`.
     pub block: String,
-    /// `FB 20, press.awl:14`.
+    /// Block, file and line: `FB 20, press.awl:14`.
     pub place: String,
     /// Its statement, from 0: the next of the innermost, of the others the call.
     pub statement: u32,
@@ -105,14 +105,14 @@ pub struct DebugBlock {
     pub ob: u16,
 }
 
-/// Registers.
+/// The registers of the innermost block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct DebugRegisters {
     /// The status word: from bit 0 /FC, RLO, STA, OR, OS, OV, CC0, CC1, BR.
     pub status: u16,
-    /// ACCU1 to ACCU4.
+    /// ACCU1 to ACCU4, in this order.
     pub accus: [u32; 4],
-    /// AR1 and AR2.
+    /// Address registers AR1 and AR2.
     pub addresses: [u32; 2],
 }
 
@@ -152,7 +152,7 @@ fn breakpoint(known: &KnownProgram, text: &str) -> Result<Breakpoint, String> {
     Ok(Breakpoint { block: named(known, block.trim())?, statement: number(statement, "statement")? })
 }
 
-/// What is told.
+/// The answer of the CPU as a client is told it.
 pub(super) fn status(known: &KnownProgram, order: &DebugOrder, answer: DebugAnswer) -> Result<DebugStatus, String> {
     let outcome = match answer.end {
         DebugEnd::Done => "done",

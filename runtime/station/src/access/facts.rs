@@ -30,7 +30,7 @@ use crate::station_file::Station;
 use crate::view::StationView;
 use crate::wall_clock::unix_now;
 
-/// See above.
+/// What the broker asks of the station; see [the module](self).
 pub(crate) struct StationFacts {
     view: StationView,
     areas: [u32; 3],
@@ -54,7 +54,7 @@ const CODES: usize = ob1_model::PASS_JOBS;
 /// The machine code of a block.
 struct Code {
     id: BlockId,
-    /// In this program.
+    /// The program that it belongs to: another program needs other code.
     known: Arc<KnownProgram>,
     checksum: u64,
     statements: u32,

@@ -23,7 +23,7 @@ pub struct PassWanted {
     /// Only a pass that this block has called, directly or through others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
-    /// Only this network.
+    /// Only the lines of this network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network: Option<u16>,
     /// Only a pass with this data block: the instance of an FB, the opened data block of others.
@@ -44,7 +44,7 @@ fn two_seconds() -> u64 {
 /// A pass through a block.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct PassStatus {
-    /// `FB 20`.
+    /// Kind and number: `FB 20`.
     pub block: String,
     /// Its name; empty without one.
     pub name: String,
@@ -61,7 +61,7 @@ pub struct PassStatus {
     pub time_ns: u64,
     /// The file of its source; empty: the lines are printed from the statements.
     pub file: String,
-    /// The lines.
+    /// The lines of the source, in its order.
     pub lines: Vec<LineStatus>,
     /// The statements of the block in order, those outside the network that was asked for too; empty: not asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -73,7 +73,7 @@ pub struct PassStatus {
 pub struct LineStatus {
     /// Its number in the file; 0: it is not of a file.
     pub line: u32,
-    /// Its text.
+    /// Text of the line, as it stands in the source.
     pub text: String,
     /// The network of its first statement; 0: it has none.
     pub network: u16,
@@ -86,7 +86,7 @@ pub struct LineStatus {
     pub registers: Option<Registers>,
 }
 
-/// Registers.
+/// The registers behind a statement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Registers {
     /// Result of logic operation.
@@ -95,13 +95,13 @@ pub struct Registers {
     pub sta: bool,
     /// The status word: from bit 0 /FC, RLO, STA, OR, OS, OV, CC0, CC1, BR.
     pub status: u16,
-    /// ACCU1.
+    /// ACCU1, all 32 bits.
     pub accu1: u32,
-    /// ACCU2.
+    /// ACCU2, all 32 bits.
     pub accu2: u32,
-    /// Address register 1.
+    /// Address register 1, as an area pointer.
     pub ar1: u32,
-    /// Address register 2.
+    /// Address register 2, as an area pointer.
     pub ar2: u32,
     /// The number in the DB register; 0: none is open.
     pub db: u16,

@@ -17,34 +17,34 @@ use crate::timing::{Recorder, Timing};
 /// Longest line accepted, in bytes.
 pub const LINE_BYTES: usize = 64 * 1024;
 
-/// A request.
+/// A request: one line of JSON.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Request {
     /// Comes back with the answer.
     #[serde(default, skip_serializing_if = "Value::is_null")]
     pub id: Value,
-    /// What is asked.
+    /// What is asked, and with which words.
     #[serde(flatten)]
     pub op: Op,
 }
 
-/// What is asked.
+/// What can be asked of a station.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum Op {
-    /// Values of cells.
+    /// Values of cells, all of one cycle control point.
     Get {
-        /// Their names.
+        /// Names of cells, symbolic or absolute.
         items: Vec<String>,
     },
     /// New values for cells.
     Set {
-        /// By name.
+        /// New values, by the names of the cells.
         items: BTreeMap<String, Value>,
     },
     /// A change of the operating state.
     Command {
-        /// Which.
+        /// The change, by its word.
         #[serde(with = "by_word")]
         command: Command,
     },
@@ -64,7 +64,7 @@ pub enum Op {
         #[serde(default)]
         histograms: bool,
     },
-    /// The flight recorder.
+    /// The flight recorder: the last scans, and frozen flights.
     Recorder,
     /// The buses with their couplers and slaves.
     Buses,
@@ -78,10 +78,10 @@ pub enum Op {
     Debug(DebugWanted),
     /// Tells what is forced, after these cells were added.
     Force {
-        /// By name.
+        /// Values to force, by the names of the cells.
         #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
         items: BTreeMap<String, Value>,
-        /// First ends forcing.
+        /// All forcing ends first.
         #[serde(default)]
         off: bool,
     },
@@ -112,10 +112,10 @@ mod by_word {
     }
 }
 
-/// An answer.
+/// An answer: one line of JSON.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Response {
-    /// The request's.
+    /// The `id` of the request.
     #[serde(default, skip_serializing_if = "Value::is_null")]
     pub id: Value,
     /// False: refused, see `error`.
@@ -123,10 +123,10 @@ pub struct Response {
     /// Why it was refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Answer to `get`.
+    /// Answer to `get`, in the order of the request.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<CellValue>>,
-    /// Answer to `status`.
+    /// Answer to `status`: state, statistics, modules.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
     /// Answer to `diag`, newest first.
@@ -135,39 +135,39 @@ pub struct Response {
     /// Answer to `diag`: CPs with a diagnostic buffer of their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cps: Option<Vec<CpBuffer>>,
-    /// Answer to `timing`.
+    /// Answer to `timing`: the accounts of all scans.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<Box<Timing>>,
-    /// Answer to `recorder`.
+    /// Answer to `recorder`: the flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorder: Option<Box<Recorder>>,
-    /// Answer to `buses`.
+    /// Answer to `buses`, with couplers and slaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buses: Option<Vec<BusStatus>>,
-    /// Answer to `links`.
+    /// Answer to `links`, with their connections.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub links: Option<Vec<LinkStatus>>,
-    /// Answer to `pass`.
+    /// Answer to `pass`: one pass through a block.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pass: Option<Box<PassStatus>>,
-    /// Answer to `why`.
+    /// Answer to `why`: statements that decide a bit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<Box<WhyStatus>>,
-    /// Answer to `debug`.
+    /// Answer to `debug`: where the CPU holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub debug: Option<Box<DebugStatus>>,
     /// Answer to `force`: `QW4=16#00FF`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub forced: Option<Vec<String>>,
-    /// Answer to `load`.
+    /// Answer to `load`: what has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<Box<LoadStatus>>,
 }
 
-/// A link.
+/// A link into the CPU.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct LinkStatus {
-    /// Its name.
+    /// Name of the link in the station file.
     pub name: String,
     /// Its process is up.
     pub up: bool,
@@ -206,7 +206,7 @@ impl Response {
         }
     }
 
-    /// Refused.
+    /// The answer to a refused request, with the reason.
     #[must_use]
     pub fn refused(id: Value, error: impl Into<String>) -> Self {
         Self { ok: false, error: Some(error.into()), ..Self::done(id) }
@@ -217,7 +217,7 @@ impl Response {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(default)]
 pub struct BusStatus {
-    /// Its name.
+    /// Name of the bus in the station file.
     pub name: String,
     /// `modbus-tcp`, `modbus-rtu` or `dp`.
     pub kind: String,
@@ -241,7 +241,7 @@ pub struct BusStatus {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(default)]
 pub struct BusStationStatus {
-    /// Its name.
+    /// Name of the coupler or slave in the station file.
     pub name: String,
     /// Its unit, address, or place on the bus.
     pub number: u8,
@@ -251,7 +251,7 @@ pub struct BusStationStatus {
     pub state: String,
     /// What it refuses or reports, in words; empty: nothing.
     pub says: String,
-    /// Rounds of exchange.
+    /// Completed rounds of exchange.
     pub exchanges: u64,
     /// Requests without an answer that can be used.
     pub failures: u64,
@@ -282,7 +282,7 @@ pub struct Piece {
 pub struct CellValue {
     /// Its name, as requested.
     pub item: String,
-    /// Its S7 type.
+    /// S7 type by which it was read.
     #[serde(rename = "type")]
     pub type_name: String,
     /// A boolean for a bit, a number, or what the type has in JSON.
@@ -297,17 +297,17 @@ pub struct CellValue {
 /// A running station. Also the station part of a report.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Status {
-    /// The station's name.
+    /// Name of the station.
     pub station: String,
-    /// The runtime's process.
+    /// Process id of the runtime.
     pub pid: u32,
-    /// `STOP`, `STARTUP`, `RUN`.
+    /// Operating state: `STOP`, `STARTUP`, `RUN`.
     pub state: String,
     /// Nanoseconds since the runtime started.
     pub runtime_ns: u64,
     /// Finished cycles in RUN since the start or the last reset of the statistics.
     pub scans: u64,
-    /// Statements executed.
+    /// Statements executed in these cycles.
     pub statements: u64,
     /// The engine that runs the program now.
     #[serde(default)]
@@ -358,26 +358,26 @@ pub struct Status {
 /// A distribution of times, in nanoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Times {
-    /// How many.
+    /// How many values there are.
     pub count: u64,
-    /// Shortest.
+    /// The shortest of them.
     pub min_ns: u64,
-    /// Mean.
+    /// Mean, not rounded to whole nanoseconds.
     pub mean_ns: f64,
-    /// Median.
+    /// Median: half of the values are at most this.
     pub p50_ns: u64,
     /// 99 % are at most this.
     pub p99_ns: u64,
     /// 99.9 % are at most this.
     pub p999_ns: u64,
-    /// Longest.
+    /// The longest of them.
     pub max_ns: u64,
 }
 
-/// A module.
+/// A module of the station.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct ModuleStatus {
-    /// Its name.
+    /// Name of the module in the station file.
     pub name: String,
     /// Its type, as in the station file.
     #[serde(rename = "type")]
@@ -425,7 +425,7 @@ pub struct ReasonStatus {
     pub remedy: String,
 }
 
-/// A driver process.
+/// The driver process of a module.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct DriverStatus {
     /// Its process, 0 while there is none.
@@ -441,7 +441,7 @@ pub struct DriverStatus {
 /// What became of a request to the operating system.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct GrantStatus {
-    /// What was requested.
+    /// What was requested of the system.
     pub what: String,
     /// `granted`, `partly` or `refused`.
     pub outcome: String,
@@ -469,32 +469,32 @@ pub struct RetentiveStatus {
 /// Memory of the process, in KiB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct MemoryStatus {
-    /// Resident.
+    /// Resident memory of the process.
     pub resident_kib: u64,
     /// Highest resident so far.
     pub peak_kib: u64,
-    /// Locked.
+    /// Memory that is locked.
     pub locked_kib: u64,
-    /// Threads.
+    /// Number of threads of the process.
     pub threads: u64,
 }
 
 /// The diagnostic buffer of a CP: its own (CP 340, CP 341), or what ob1 lists of it (CP 240, CP 040).
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct CpBuffer {
-    /// The module's name.
+    /// Name of the CP's module.
     pub name: String,
     /// Its type, as in the station file.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its logical address.
+    /// Logical base address of the CP.
     pub address: u32,
     /// What its driver says: as `state` in `status`.
     pub driver: String,
-    /// As in `status`.
+    /// Why the CP does nothing, as in `status`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<ReasonStatus>,
-    /// Newest first.
+    /// Its entries, newest first.
     pub entries: Vec<CpEntry>,
 }
 
@@ -560,7 +560,7 @@ impl Diagnostic {
 /// How a block differs from the sources, for `status`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Download {
-    /// `FC 5`.
+    /// Kind and number: `FC 5`.
     pub block: String,
     /// `new`, `changed`, `deleted`, or `not used`: a plugin or a library serves it.
     pub what: String,

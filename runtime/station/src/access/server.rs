@@ -38,7 +38,7 @@ impl Server {
     /// time.
     ///
     /// # Errors
-    /// What the system says.
+    /// The socket cannot be made at this path, or no thread can be started.
     pub fn start(socket: &Path, door: Door, view: StationView, min_cycle: Span) -> io::Result<Self> {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;

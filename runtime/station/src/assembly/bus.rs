@@ -31,7 +31,7 @@ pub(crate) struct AddedBus {
 /// Adds the process of a bus.
 ///
 /// # Errors
-/// What the system says, as text.
+/// The bus has more bytes than an image carries, or the system refuses memory or descriptors; with the name of the bus.
 pub(crate) fn add(
     fleet: &mut Fleet,
     rundir: &Path,

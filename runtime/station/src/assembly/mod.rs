@@ -215,7 +215,8 @@ pub fn load_cpu(
 /// Builds a station with shared segments and real drivers.
 ///
 /// # Errors
-/// [`AssemblyError`].
+/// [`AssemblyError::Load`]: program, plugins or stimulus are rejected; [`AssemblyError::System`]: no memory or
+/// descriptors.
 pub fn assemble(
     station: &Station,
     loaded: &Loaded,

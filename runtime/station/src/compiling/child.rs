@@ -19,7 +19,7 @@ use super::request::{self, FILES};
 const MEMORY: u64 = 4 << 30;
 /// When memory runs out it is killed first: the station can do without it.
 const OOM_SCORE: i16 = 1000;
-/// The lowest priority.
+/// The lowest priority, as nice(2) counts.
 const NICE: i32 = 19;
 
 /// The whole life of the process.

@@ -100,7 +100,7 @@ impl Compiling {
     /// The same for a scan that has the other end of `giver` already.
     ///
     /// # Errors
-    /// As of [`Compiling::start`].
+    /// The system refuses a socket or a thread, as with [`Compiling::start`].
     pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver, in_use: &Arc<InUse>) -> io::Result<Self> {
         let (plan, in_use) = (Arc::clone(plan), Arc::clone(in_use));
         let work = move |stopped| {
@@ -172,7 +172,7 @@ impl Giver {
 enum Outcome {
     /// The last file has come.
     Done,
-    /// The station ends.
+    /// The station ends; nothing more is wanted.
     Stopped,
 }
 
@@ -181,7 +181,7 @@ enum Outcome {
 enum Failed {
     /// The process has ended too soon.
     Ended(String),
-    /// For good.
+    /// For good, for this reason: a new attempt would not help.
     For(String),
 }
 
@@ -244,7 +244,7 @@ fn send(socket: &OwnedFd, message: &[u8], bytes: &[u8]) -> io::Result<()> {
     handover::send(socket, message, &[file.as_fd()])
 }
 
-/// The thread's work.
+/// What the thread needs for its work.
 struct Work {
     plan: Arc<Plan>,
     giver: Giver,

@@ -19,7 +19,7 @@ use crate::known::KnownProgram;
 pub struct Changes(pub(super) BTreeMap<BlockId, Option<Vec<u8>>>);
 
 impl Changes {
-    /// Nothing was changed.
+    /// Whether nothing was downloaded or deleted.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -187,7 +187,7 @@ pub(super) fn is_system_data(number: u16, bytes: &[u8]) -> bool {
 /// The block in these bytes, if it has the expected kind and number.
 ///
 /// # Errors
-/// Why it is not.
+/// They are no block, something follows it, or it is another one; in words.
 pub(super) fn block(id: BlockId, bytes: &[u8]) -> Result<BlockImage, String> {
     let (block, length) = BlockImage::read(bytes).map_err(|error| error.to_string())?;
     if length != bytes.len() {

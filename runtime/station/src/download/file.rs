@@ -34,7 +34,7 @@ pub fn read(path: &Path) -> Result<Changes, String> {
 /// Writes the file: under another name, synced, renamed. Without changes there is no file.
 ///
 /// # Errors
-/// What the system says.
+/// The folder or the file cannot be written, or the old file not removed; what the system says.
 pub fn write(path: &Path, changes: &Changes) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;

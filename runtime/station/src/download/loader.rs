@@ -54,7 +54,7 @@ struct OnItsWay {
     outcome: Result<(), Watches>,
 }
 
-/// The scan's end.
+/// The scan's end: it takes programs over, and gives the old ones back.
 #[derive(Debug)]
 pub struct Newcomers {
     come: Consumer<Box<OnItsWay>>,
@@ -104,15 +104,15 @@ pub struct Downloading {
     pub library: Arc<Library>,
     /// What others see of the program.
     pub known: Known,
-    /// The requested engine.
+    /// The engine that the station file asks for.
     pub engine: EngineChoice,
-    /// Which one runs.
+    /// Which engine runs, for readers outside the scan.
     pub in_use: Arc<InUse>,
     /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,
     /// Bytes of stack the scan has.
     pub stack: usize,
-    /// Two cycles.
+    /// Time of two cycles: so long an answer of the scan takes at least.
     pub cycles: Duration,
 }
 
@@ -253,7 +253,7 @@ impl Work {
         }
     }
 
-    /// Makes a change.
+    /// Carries out one change, up to the scan's take-over.
     fn change(&mut self, change: Change) -> Result<(), Refused> {
         let with = &self.with;
         let mut changes = with.changes.clone();

@@ -23,7 +23,7 @@ pub struct LoadOrder {
     /// Only if it is this program: the fingerprint that was told.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub expect: Option<String>,
-    /// With both programs.
+    /// Tell the texts of both programs too.
     pub texts: bool,
 }
 

@@ -10,7 +10,7 @@ use crate::station_file::{AbdUnit, ModuleKind, Station};
 
 /// Where an order has its data: names of the parameters.
 struct Data {
-    /// The data block.
+    /// The parameter that names the data block.
     db: &'static str,
     /// Where the data begin in it.
     begin: &'static str,

@@ -43,12 +43,12 @@ impl<'a> Handling<'a> {
 pub(super) struct Site<'a> {
     /// The block that it stands in.
     pub(super) caller: &'a CodeBlock,
-    /// Which statement.
+    /// Index of its statement in that block.
     pub(super) at: usize,
     call: &'a Call,
     /// Its number in this program.
     pub(super) id: BlockId,
-    /// What is called.
+    /// The handling block that is called.
     pub(super) block: &'a Handling<'a>,
 }
 

@@ -30,7 +30,7 @@ pub struct ProcessIo {
 /// What the guardian of a station holds of its process I/O.
 #[derive(Debug)]
 pub struct Held {
-    /// The image.
+    /// The image, open for the guardian too.
     pub image: OwnedFd,
     /// The page beside it.
     pub page: OwnedFd,

@@ -59,7 +59,7 @@ impl Stimulus {
     /// Reads a stimulus file. `place` names it.
     ///
     /// # Errors
-    /// All findings.
+    /// All findings: an unreadable file, or every mistake in it.
     pub fn load(path: &Path, place: &Spot) -> Result<Self, Vec<Finding>> {
         match files::read_text(path) {
             Ok(text) => Self::parse(&text, &path.display().to_string()),
@@ -70,7 +70,7 @@ impl Stimulus {
     /// Reads the text of a stimulus file.
     ///
     /// # Errors
-    /// All findings.
+    /// All findings: every mistake in the text.
     pub fn parse(text: &str, name: &str) -> Result<Self, Vec<Finding>> {
         let source = Text { file: name, text };
         let error = |at, message, remedy: &str| source.finding(Level::Error, STIMULUS, at, message, remedy.to_owned());

@@ -20,20 +20,20 @@ pub struct Content {
     pub station: String,
     /// Counts the files written: the higher one is newer.
     pub sequence: u64,
-    /// The CPU's image.
+    /// The image, as the CPU has made it.
     pub image: Vec<u8>,
 }
 
 /// Why bytes are not a retentive file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FormatError {
-    /// Something else.
+    /// Something else: it does not begin as a retentive file.
     #[error("this is not a retentive file of ob1")]
     Foreign,
     /// A file of another version of ob1.
     #[error("its format has version {0}, this ob1 knows version {VERSION}")]
     Version(u32),
-    /// Torn or changed.
+    /// Torn or changed: its checksum or its length is wrong.
     #[error("it is torn or damaged")]
     Damaged,
     /// A file of another station.
@@ -65,10 +65,10 @@ fn sealed(body: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// What bytes hold.
+/// Reads the content of a file of this station.
 ///
 /// # Errors
-/// [`FormatError`].
+/// Which [`FormatError`] it is: not one of ours, another version, damaged, or of another station.
 pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
     let (magic, rest) = bytes.split_first_chunk().ok_or(FormatError::Foreign)?;
     if *magic != MAGIC {

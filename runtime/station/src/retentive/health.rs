@@ -25,7 +25,7 @@ struct State {
 pub struct Change {
     /// What the diagnostic buffer says.
     pub event: Event,
-    /// More, in words.
+    /// More about it, in words.
     pub text: String,
 }
 
@@ -60,7 +60,7 @@ impl Health {
         Some(Change { event: Event::RETENTIVE_LOST, text: format!("{text}; {age}") })
     }
 
-    /// For `status`.
+    /// What `status` says of the writing: age of the last image, and the error.
     #[must_use]
     pub fn status(&self, now: Instant) -> RetentiveStatus {
         let state = self.0.lock();

@@ -17,7 +17,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::health::{Change, Health};
 use super::store::Store;
 
-/// Buffers under way.
+/// Buffers under way between scan and thread.
 const BUFFERS: usize = 3;
 /// Changes under way to the diagnostic buffer.
 const NOTES: usize = 16;
@@ -39,7 +39,7 @@ struct Note {
     text: ShortText,
 }
 
-/// The scan's end.
+/// The scan's end: fills buffers, takes changes for the diagnostic buffer.
 pub struct ScanEnd {
     notes: Consumer<Note>,
     empty: Consumer<Vec<u8>>,
@@ -82,7 +82,7 @@ impl ScanEnd {
     }
 }
 
-/// The writing thread.
+/// The writing thread; it ends with its owner.
 #[derive(Debug)]
 pub struct Keeper {
     finish: Option<Sender<()>>,

@@ -22,7 +22,7 @@ const NOT_RETAINED: &str = "L023";
 /// Where and how often retentive memory is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RetentiveFile {
-    /// The folder.
+    /// The folder of the retentive files.
     pub folder: PathBuf,
     /// Time between two images in RUN.
     pub every: Span,
@@ -49,7 +49,7 @@ const NAMED: usize = 12;
 /// no place; that is kept under another name. The diagnostic buffer gets an entry of it.
 ///
 /// # Errors
-/// [`StoreError`].
+/// [`StoreError::InUse`]: another runtime has the files; [`StoreError::Folder`]: the folder cannot be used.
 pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(Store, Vec<String>), StoreError> {
     let (mut store, found) = Store::open(&file.folder, station)?;
     let mut told = found.refused;

@@ -27,9 +27,9 @@ pub enum StoreError {
     /// Another runtime uses them.
     #[error("the retentive files of station \"{station}\" in {} are in use by process {pid}", .folder.display())]
     InUse {
-        /// The station.
+        /// Name of the station.
         station: String,
-        /// The folder.
+        /// The folder with its files.
         folder: PathBuf,
         /// The other runtime, as it says itself.
         pid: String,
@@ -37,7 +37,7 @@ pub enum StoreError {
     /// The folder cannot be made, read or written.
     #[error("retentive memory cannot be kept in {}: {source}", .folder.display())]
     Folder {
-        /// The folder.
+        /// The folder that was tried.
         folder: PathBuf,
         /// What the system says.
         source: io::Error,
@@ -74,7 +74,7 @@ impl Store {
     /// a leftover of an interrupted writing is removed.
     ///
     /// # Errors
-    /// [`StoreError`].
+    /// [`StoreError::InUse`]: another runtime has the files; [`StoreError::Folder`]: the folder cannot be used.
     pub fn open(folder: &Path, station: &str) -> Result<(Self, Found), StoreError> {
         // `ob1 run station.toml` in the station's own folder.
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

@@ -31,7 +31,7 @@ impl LiveLine {
         self.on
     }
 
-    /// Replaces the line.
+    /// Replaces the live line; does nothing without a terminal.
     pub fn show(&self, text: &str) {
         if self.on {
             ob1_log::live(text);

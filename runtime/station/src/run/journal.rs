@@ -10,10 +10,10 @@ use ob1_model::{Event, StateChange};
 use crate::access::protocol::Diagnostic;
 use crate::view::StationView;
 
-/// The run's end.
+/// The run's end: takes the scan's entries, and reports changes of the state.
 pub(super) struct Journal {
     entries: FeedEnd,
-    /// Oldest first.
+    /// Entries so far, oldest first.
     kept: VecDeque<DiagEntry>,
     /// The last change of the operating state.
     change: Option<DiagEntry>,
@@ -65,7 +65,7 @@ impl Journal {
         change.map(|entry| entry.to_string())
     }
 
-    /// Newest first.
+    /// The entries for a report, newest first.
     pub(super) fn diagnostics(&self, view: &StationView) -> Vec<Diagnostic> {
         self.kept.iter().rev().map(|entry| view.diagnostic(entry)).collect()
     }

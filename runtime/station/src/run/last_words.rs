@@ -11,7 +11,7 @@ use crate::io::ProcessIo;
 /// Prepares for a crash of this process.
 ///
 /// # Errors
-/// What the system says.
+/// The system does not take the handler of a crash.
 pub(super) fn prepare(
     io: Option<ProcessIo>,
     running: Arc<Running>,

@@ -7,7 +7,7 @@ use ob1_time::Span;
 /// What the command line asks for.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The station file.
+    /// Path of the station file.
     pub station: PathBuf,
     /// End after this time in RUN.
     pub time: Option<Span>,

@@ -8,12 +8,12 @@ const GAP: u64 = 10;
 /// What a module's reason is about; count and age do not make another one.
 type Key = (String, u32);
 
-/// A module.
+/// What the log was told of a module.
 #[derive(Debug, Default)]
 struct Told {
     /// Found at the look before.
     before: Option<Key>,
-    /// In the log.
+    /// The reason that the log names now.
     told: Option<Key>,
     /// No line before this look.
     from: u64,
@@ -23,7 +23,7 @@ struct Told {
 #[derive(Debug, PartialEq, Eq)]
 enum Due {
     Nothing,
-    /// The reason.
+    /// The reason that was found.
     Reason,
     /// There is none any more.
     Over,

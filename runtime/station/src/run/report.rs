@@ -18,11 +18,11 @@ pub const REPORT_SCHEMA: u32 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
-    /// Ctrl-C or SIGTERM.
+    /// Ended by Ctrl-C or SIGTERM.
     Signal,
-    /// `--for` is over.
+    /// The time of `--for` is over.
     Time,
-    /// `--scans` are done.
+    /// The scans of `--scans` are done.
     Scans,
     /// The CPU went to STOP because of a fault.
     Fault,
@@ -42,16 +42,16 @@ impl Ended {
     }
 }
 
-/// A finished run.
+/// What a finished run leaves for machines.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// [`REPORT_SCHEMA`].
+    /// Version of this form, [`REPORT_SCHEMA`].
     pub schema: u32,
-    /// Version of `ob1`.
+    /// Version of the `ob1` that ran.
     pub version: &'static str,
-    /// Why it ended.
+    /// Why the run ended.
     pub ended: Ended,
-    /// The exit code.
+    /// Exit code of the command.
     pub exit: u8,
     /// The fault that led to STOP, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -81,7 +81,7 @@ impl Report {
     /// Whether a report can be written there: asked before a run of hours, not after it.
     ///
     /// # Errors
-    /// What the system says.
+    /// The file cannot be opened for writing, or not be made there; what the system says.
     pub fn try_path(path: &Path) -> io::Result<()> {
         match std::fs::metadata(path) {
             Ok(there) if there.is_file() || there.is_dir() => {
@@ -101,7 +101,7 @@ impl Report {
     /// Writes the report as JSON.
     ///
     /// # Errors
-    /// What the system says.
+    /// The file cannot be written; what the system says.
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');

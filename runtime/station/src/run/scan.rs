@@ -78,7 +78,7 @@ impl ScanState {
         self.cycles.load(Ordering::Relaxed)
     }
 
-    /// Cycles in RUN.
+    /// Finished cycles in RUN.
     pub(super) fn scans(&self) -> u64 {
         self.scans.load(Ordering::Relaxed)
     }
@@ -165,7 +165,7 @@ pub(super) struct Scan {
     pub(super) successors: Option<Successors>,
     /// Programs that take over between two cycles.
     pub(super) newcomers: Option<Newcomers>,
-    /// Which engine runs.
+    /// Which engine runs, for readers outside the scan.
     pub(super) engine: Arc<InUse>,
 }
 

@@ -44,7 +44,7 @@ pub(super) struct Building {
     pub(super) cp: Option<DpAreas>,
 }
 
-/// All of them.
+/// All buses of a station file.
 pub(super) struct Buses {
     pub(super) list: Vec<Building>,
     pub(super) min_cycle: Span,
@@ -52,7 +52,7 @@ pub(super) struct Buses {
 }
 
 impl Buses {
-    /// One of them.
+    /// The bus with this index.
     pub(super) fn get(&self, bus: usize) -> Option<&Building> {
         self.list.get(bus)
     }
@@ -193,7 +193,7 @@ impl Building {
         (&mut self.bus.config.input_bytes, &mut self.bus.config.output_bytes)
     }
 
-    /// Couplers so far.
+    /// Number of couplers and slaves so far.
     pub(super) const fn stations(&self) -> usize {
         self.bus.stations.len()
     }

@@ -20,7 +20,7 @@ const TYPES: [(&str, ConnectionType); 4] = [
 pub const ISO_PORT: u16 = 102;
 /// Connections of a CP, at most.
 const CONNECTIONS: usize = 16;
-/// Longest TSAP.
+/// Longest TSAP, in bytes.
 const TSAP: usize = 16;
 
 /// A CP 343: which link it is reached by. Without `link` it is the only one there is.

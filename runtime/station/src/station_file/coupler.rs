@@ -299,7 +299,7 @@ fn writes(f: &mut Findings<'_>, tables: &Placed<Vec<Placed<SetupTable>>>) -> Vec
     all
 }
 
-/// `holding:100`.
+/// Table and number of an element: `holding:100`.
 fn element(f: &mut Findings<'_>, text: &Placed<String>) -> Option<(Table, u16)> {
     let remedy = "holding:N, input:N, coil:N or discrete:N, counted from 0";
     let (word, at) = text.get_ref().split_once(':').unwrap_or((text.get_ref(), ""));

@@ -26,7 +26,7 @@ pub(super) fn claim(f: &mut Findings<'_>, table: &ModuleTable, buses: &mut Buses
     }
 }
 
-/// The CP itself.
+/// The module of the CP, which must belong to one bus.
 pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<ModuleKind> {
     for (key, at) in [
         ("line", table.line.as_ref().map(Placed::span)),

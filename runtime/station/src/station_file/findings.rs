@@ -14,7 +14,7 @@ pub const SYNTAX: &str = "C002";
 pub const UNKNOWN_KEY: &str = "C003";
 /// A key that must be there is missing.
 pub const MISSING: &str = "C004";
-/// An impossible value.
+/// A value that its key cannot have.
 pub const VALUE: &str = "C005";
 /// A name that is there twice.
 pub const TWICE: &str = "C006";
@@ -22,7 +22,7 @@ pub const TWICE: &str = "C006";
 pub const ADDRESS: &str = "C007";
 /// An impossible parameter of a CP.
 pub const PARAMETER: &str = "C008";
-/// An invalid line.
+/// A line that cannot be understood.
 pub const LINE: &str = "C009";
 /// Two keys that do not go together.
 pub const CONTRADICTION: &str = "C010";
@@ -67,7 +67,7 @@ pub fn unreadable(place: &Spot, path: &Path, error: &io::Error) -> Finding {
 pub struct Findings<'a> {
     source: Text<'a>,
     found: Vec<Finding>,
-    /// Those left out.
+    /// How many were left out.
     more: usize,
 }
 

@@ -10,7 +10,7 @@ pub enum Line {
     Serial(PathBuf),
     /// `pty:PATH`: a pseudo terminal the driver creates and publishes as PATH.
     Pty(PathBuf),
-    /// `tcp:HOST:PORT`: connects.
+    /// `tcp:HOST:PORT`: connects, again and again until somebody listens.
     Tcp(String),
     /// `tcp-listen:PORT`, `tcp-listen:ADDRESS:PORT`: waits for one client.
     Listen(String),
@@ -27,10 +27,10 @@ pub enum LineError {
     /// Nothing after the colon.
     #[error("nothing follows \"{0}:\"")]
     Empty(&'static str),
-    /// No port number.
+    /// No port number, or one that cannot be.
     #[error("\"{0}\" is not a port number (1 to 65535)")]
     Port(String),
-    /// No host.
+    /// No host before the port.
     #[error("\"{0}\" names no host")]
     Host(String),
 }

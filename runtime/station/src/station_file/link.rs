@@ -16,13 +16,13 @@ use super::values::{choice, name, number, time};
 use crate::finding::{Finding, Level, Text};
 use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
-/// Words for rights.
+/// The words for rights, from the least to the most.
 const RIGHTS: [(&str, Right); 3] = [("read", Right::Read), ("write", Right::Write), ("operate", Right::Operate)];
 /// The kinds of link.
 const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metrics), ("opcua", OpcUa), ("mqtt", Mqtt)];
 /// Kinds that others connect to.
 const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
-/// Kinds with users.
+/// Kinds whose clients log in as users.
 const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa];
 /// Kinds with an audit log.
 const WITH_AUDIT: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa, Mqtt];

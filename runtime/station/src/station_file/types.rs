@@ -24,7 +24,7 @@ pub(super) const DELAY_MAX: Span = Span::from_millis(20);
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Station {
-    /// Its name ([`NAME_RULE`](super::NAME_RULE)).
+    /// Name of the station, by the rule [`NAME_RULE`](super::NAME_RULE).
     pub name: String,
     /// Sizes and rules of the CPU.
     pub cpu: CpuConfig,
@@ -61,7 +61,7 @@ pub enum LinkKind {
     S7,
     /// The web page, served by `ob1-gate` like all that follow.
     Web,
-    /// Figures for Prometheus.
+    /// Figures for Prometheus, read by its own protocol.
     Metrics,
     /// An OPC UA server.
     OpcUa,
@@ -89,9 +89,9 @@ impl LinkKind {
 /// A link into the CPU: a process that listens on the network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StationLink {
-    /// Its name.
+    /// Name of the link.
     pub name: String,
-    /// What it speaks.
+    /// Which language it speaks, and to whom.
     pub kind: LinkKind,
     /// Where it listens, if it does.
     pub listen: Option<std::net::SocketAddr>,
@@ -118,13 +118,13 @@ pub struct StationLink {
 /// The kinds of connection of a CP 343.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConnectionType {
-    /// Plain TCP.
+    /// Plain TCP: a stream without telegrams.
     Tcp,
-    /// UDP.
+    /// UDP: telegrams without acknowledgement.
     Udp,
-    /// ISO on TCP.
+    /// ISO on TCP: telegrams of any length.
     Iso,
-    /// S7 connection.
+    /// S7 connection, for the FB/SFB of S7 communication.
     S7,
 }
 
@@ -141,17 +141,17 @@ impl ConnectionType {
 pub struct StationConnection {
     /// ID of the handling blocks, one in the station.
     pub id: u16,
-    /// The kind.
+    /// Its kind, which decides between TSAPs and ports.
     pub ty: ConnectionType,
     /// We make the connection.
     pub active: bool,
     /// The partner, and the only one who may call.
     pub partner: Option<std::net::SocketAddr>,
-    /// Our TSAP.
+    /// Our TSAP; empty without one.
     pub local: Vec<u8>,
-    /// The partner's.
+    /// The partner's TSAP; empty without one.
     pub remote: Vec<u8>,
-    /// Our port.
+    /// Our port, for UDP and for TCP that waits for its partner; otherwise `None`.
     pub port: Option<u16>,
     /// What is bound for it: the address of the link, and that port.
     pub bind: Option<std::net::SocketAddr>,
@@ -196,19 +196,19 @@ pub struct SimulatedLine {
 pub struct FaultRates {
     /// One bit inverted, unnoticed.
     pub flip: u32,
-    /// Lost.
+    /// The character is lost.
     pub lose: u32,
-    /// Comes twice.
+    /// The character comes twice.
     pub double: u32,
     /// Comes later, by up to [`Self::delay_max`].
     pub delay: u32,
-    /// A parity error.
+    /// The character comes with a parity error.
     pub parity: u32,
-    /// A framing error.
+    /// The character comes with a framing error.
     pub framing: u32,
-    /// A break.
+    /// A break comes in place of the character.
     pub break_: u32,
-    /// Longest delay.
+    /// Longest delay of a character that comes later.
     pub delay_max: Span,
 }
 
@@ -244,7 +244,7 @@ pub struct Bursts {
 /// Who is on a simulated line besides the CPs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Partner {
-    /// Nobody.
+    /// Nobody: the CPs are alone.
     #[default]
     None,
     /// Somebody who sends back every character.
@@ -305,7 +305,7 @@ pub struct ModuleConfig {
     pub substitute: Vec<u8>,
     /// The program that is its driver; none: `ob1-cp`. Of communication processors alone.
     pub driver: Option<PathBuf>,
-    /// What it is.
+    /// What it is, with its own parameters.
     pub kind: ModuleKind,
 }
 
@@ -322,7 +322,7 @@ pub enum Absent {
 /// What ABD of the handling blocks counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AbdUnit {
-    /// Bytes.
+    /// Bytes: ABD 20 is byte 20.
     #[default]
     Byte,
     /// Words: ABD 20 is byte 40.
@@ -360,7 +360,7 @@ pub enum ModuleKind {
     },
     /// A CP whose parameters are keys with its driver process: a CP 341 or a CP 340, as they say.
     Keyed {
-        /// Its parameters.
+        /// Its parameters, checked against their table.
         params: Box<Cp341>,
         /// Where its serial line leads to.
         line: Line,
@@ -374,14 +374,14 @@ pub enum ModuleKind {
     },
     /// Process inputs: `di` or `ai`.
     Inputs {
-        /// Bytes.
+        /// Number of input bytes.
         bytes: u16,
         /// Its channels are words.
         analog: bool,
     },
     /// Process outputs: `do` or `ao`.
     Outputs {
-        /// Bytes.
+        /// Number of output bytes.
         bytes: u16,
         /// Its channels are words.
         analog: bool,

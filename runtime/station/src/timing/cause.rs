@@ -14,7 +14,7 @@ pub enum Class {
     Kernel,
     /// The process was stopped by a signal and continued.
     Stopped,
-    /// An organization block.
+    /// An organization block took long; it is named.
     Program,
     /// A block of a plugin.
     Plugin,
@@ -43,7 +43,7 @@ impl Class {
         Self::Unexplained,
     ];
 
-    /// As printed.
+    /// The class as it is printed.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -58,7 +58,7 @@ pub(super) struct Looks {
     samples: VecDeque<Sample>,
     /// The late scan before.
     last: Option<LateScan>,
-    /// Between two samples.
+    /// Time between two samples.
     every: Span,
 }
 

@@ -15,7 +15,7 @@ use super::kernel::Sources;
 use super::looks::{LateScan, Look, Looks, Sample};
 use super::timings::Timings;
 
-/// Between two looks.
+/// Time between two looks.
 const LOOK: Span = Span::from_millis(50);
 /// How often a look is tried while scans end.
 const TRIES: usize = 3;
@@ -91,7 +91,7 @@ impl Observer {
     /// Starts the thread. `cores` are those the scan is bound to, empty for all.
     ///
     /// # Errors
-    /// What the system says.
+    /// No handler for SIGCONT, or no thread; what the system says.
     pub fn start(timings: Timings, cores: Vec<usize>) -> std::io::Result<(Self, LateSender)> {
         let (ring, late) = RingBuffer::new(ROOM);
         let shared = Arc::new(Shared::default());

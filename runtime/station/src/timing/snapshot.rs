@@ -13,7 +13,7 @@ pub const TIMING_SCHEMA: u32 = 2;
 /// The accounts of every scan since the start or the last reset. Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
-    /// [`TIMING_SCHEMA`].
+    /// Version of this form, [`TIMING_SCHEMA`].
     pub schema: u32,
     /// When this was read, by the runtime's clock.
     pub time_ns: u64,
@@ -29,7 +29,7 @@ pub struct Timing {
     pub long_from_ns: u64,
     /// Finished cycles in RUN.
     pub scans: u64,
-    /// Statements executed.
+    /// Statements executed in these cycles.
     pub statements: u64,
     /// Cycles that had not ended when the next was due.
     pub overruns: u64,
@@ -57,30 +57,30 @@ pub struct Timing {
     pub obs: Vec<ObTiming>,
     /// Each block of a plugin.
     pub blocks: Vec<BlockTiming>,
-    /// The late scans.
+    /// The late scans and their causes.
     pub late: LateReport,
 }
 
 /// A distribution. Values are known to within 0.4 %.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// How many.
+    /// How many values there are.
     pub count: u64,
-    /// Least.
+    /// The least value; 0 without values.
     pub min_ns: u64,
-    /// Mean.
+    /// Mean, not rounded to whole nanoseconds.
     pub mean_ns: f64,
-    /// Median.
+    /// Median: half of the values are at most this.
     pub p50_ns: u64,
     /// 90 % are at most this.
     pub p90_ns: u64,
-    /// 99 %.
+    /// 99 % are at most this.
     pub p99_ns: u64,
-    /// 99.9 %.
+    /// 99.9 % are at most this.
     pub p999_ns: u64,
-    /// 99.99 %.
+    /// 99.99 % are at most this.
     pub p9999_ns: u64,
-    /// Greatest.
+    /// The greatest value, exactly.
     pub max_ns: u64,
     /// Each bucket that holds something, ascending: its greatest value, and how many. Where they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -109,14 +109,14 @@ impl Spread {
     }
 }
 
-/// An organization block.
+/// The figures of one organization block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObTiming {
-    /// Its number.
+    /// Number of the organization block.
     pub ob: u16,
-    /// Its priority class.
+    /// Priority class of the organization block.
     pub priority: u8,
-    /// Completed runs.
+    /// Completed runs of it.
     pub runs: u64,
     /// Requests lost, periods skipped, and requests that came while it was still being executed.
     pub overruns: u64,
@@ -144,7 +144,7 @@ impl ObTiming {
 pub struct BlockTiming {
     /// Kind and number: `FC 0`.
     pub block: String,
-    /// Its name.
+    /// Name of the block, as the plugin gives it.
     pub name: String,
     /// Each call, without organization blocks and plugin blocks within it.
     pub execution: Spread,
@@ -157,10 +157,10 @@ impl BlockTiming {
     }
 }
 
-/// The late scans.
+/// The late scans by cause, and some of them one by one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LateReport {
-    /// How many.
+    /// How many scans were late.
     pub scans: u64,
     /// Not explained yet: at most a tenth of a second old.
     pub pending: u64,
@@ -182,20 +182,20 @@ pub struct LateReport {
 /// The late scans of a class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClassTotal {
-    /// How many.
+    /// How many late scans it has.
     pub scans: u64,
-    /// Their delays together.
+    /// Sum of their delays.
     pub time_ns: u64,
-    /// The longest.
+    /// The longest of their delays.
     pub worst_ns: u64,
 }
 
-/// A late scan.
+/// A late scan with its cause.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LateEntry {
-    /// Its number.
+    /// Number of the scan, from 1.
     pub scan: u64,
-    /// Its deadline.
+    /// Its deadline, by the runtime's clock.
     pub planned_ns: u64,
     /// From its deadline to its start.
     pub lateness_ns: u64,
@@ -203,7 +203,7 @@ pub struct LateEntry {
     pub execution_ns: u64,
     /// The class of its cause.
     pub class: Class,
-    /// What exactly.
+    /// What exactly, in words: a block, a process, a counter.
     pub what: String,
     /// How much of the delay that is.
     pub size_ns: u64,
@@ -226,10 +226,10 @@ impl LateEntry {
     }
 }
 
-/// The flight recorder.
+/// The flight recorder, as it is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recorder {
-    /// [`TIMING_SCHEMA`].
+    /// Version of this form, [`TIMING_SCHEMA`].
     pub schema: u32,
     /// Flights frozen so far.
     pub frozen: u64,
@@ -237,7 +237,7 @@ pub struct Recorder {
     pub not_frozen: u64,
     /// The flight with the longest delay at its end.
     pub worst: Option<FlightDump>,
-    /// The last one.
+    /// The flight that was frozen last.
     pub newest: Option<FlightDump>,
     /// The scans up to now.
     pub now: FlightDump,
@@ -256,13 +256,13 @@ impl FlightDump {
     }
 }
 
-/// One scan.
+/// One scan in the flight recorder.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ScanDump {
-    /// Its number.
+    /// Number of the scan, from 1.
     pub scan: u64,
-    /// Its deadline.
+    /// Its deadline, by the runtime's clock.
     pub planned_ns: u64,
     /// From its deadline to its start.
     pub lateness_ns: u64,
@@ -280,21 +280,21 @@ pub struct ScanDump {
     pub plugins_ns: u64,
     /// Process image and back plane after OB 1.
     pub outputs_ns: u64,
-    /// Statements executed.
+    /// Statements executed in it.
     pub statements: u64,
     /// The organization block that took longest.
     pub longest_ob: u16,
-    /// Its time.
+    /// How long that block took.
     pub longest_ob_ns: u64,
     /// The plugin block with the longest call.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub longest_plugin: Option<String>,
-    /// That call's time.
+    /// How long that call took.
     pub longest_plugin_ns: u64,
     /// The block that ran when the scan had become long.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub long_in: Option<String>,
-    /// Its line.
+    /// Line of its source; 0: it has none.
     pub long_at_line: u32,
     /// Deadlines skipped after it.
     pub missed: u64,

@@ -8,7 +8,7 @@ fn us(nanos: u64) -> f64 {
     nanos as f64 / 1000.0
 }
 
-/// The whole table.
+/// The whole table, as `ob1 ctl STATION timing` prints it.
 #[must_use]
 pub fn timing(t: &Timing) -> String {
     let mut out = String::new();

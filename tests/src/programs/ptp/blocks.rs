@@ -1,4 +1,4 @@
-//! The interfaces of the handling blocks as the manuals' tables have them. [reference 1.1, 1.4, 8.3]
+//! The interfaces of the handling blocks as the manuals' tables have them. (docs/cp341.md, docs/cp040-registers.md)
 
 use crate::programs::text::{Block, Type};
 

@@ -39,7 +39,7 @@ impl Cp {
         }
     }
 
-    /// Longest LEN. [reference 1.1, 8.3; the CP 340 has 1024]
+    /// Longest LEN: 4096 at a CP 341, 1024 at the others.
     fn most(self) -> i32 {
         if self == Self::Cp341 { 4096 } else { 1024 }
     }
@@ -67,7 +67,7 @@ impl Trouble {
         Self { moods: one(), rates: one(), faults: one(), kills: one(), stops: one(), resets: one(), closes: one() }
     }
 
-    /// A timer of ten seconds may have to expire. [reference 1.7]
+    /// A timer of ten seconds may have to expire. [TIA help "PtP data link CP 341"]
     fn is_slow(self) -> bool {
         self.kills || self.stops || self.closes
     }
@@ -527,7 +527,7 @@ fn setup(
         rates,
         calm: if disturbed { calm + settle.min(ms(4000)) } else { Instant::START + ms(400) },
         patience,
-        // As long as the longest telegram. [reference 1.7, 6.2]
+        // As long as the longest telegram. [TIA help "Configuration for point-to-point links"]
         buffer: cp.most() as usize,
         is_040,
         clears: cp != Cp::Cp341,

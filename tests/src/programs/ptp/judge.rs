@@ -68,7 +68,7 @@ pub struct Setup {
     pub buffer: usize,
     /// A CP 040: its own Modbus, and R empties the CP.
     pub is_040: bool,
-    /// A start-up of the CPU empties the receive buffer: CP 340, CP 040. [reference 1.6 has "no" for the CP 341]
+    /// A start-up of the CPU empties the receive buffer: CP 340, CP 040; of a CP 341 it is kept. (docs/cp341.md)
     pub clears: bool,
     /// What the partner sends is not always taken.
     pub is_short: bool,
@@ -122,7 +122,7 @@ struct Data {
 /// What needs time to settle after a start of the CPU or the driver.
 const SETTLES: Span = Span::from_millis(1500);
 /// A CP 341 or CP 340 that has refused a block waits so long for it once more, then it reports what was wrong.
-/// [reference 5.4]
+/// [TIA help "Configuration for point-to-point links"]
 const REPEATS: Span = Span::from_secs(4);
 /// The partner has sent more than there is room for.
 const NO_BUFFER: u16 = 0x080A;
@@ -232,7 +232,7 @@ impl PtpJudge {
             send.legal = telegram.is_some() && self.setup.sends.len() == 1 && !self.setup.is_short;
         }
         if self.setup.is_040 && send.reset && !self.resets[place] {
-            // It empties both directions. [S3 L311] [reference 7.4]
+            // It empties both directions. [S3 L311]
             self.inbox.broken_off();
             self.torn = call.at + TORN;
             self.disturbed(call.at + SETTLES);
@@ -306,7 +306,7 @@ impl PtpJudge {
             Protocol::Rk512 => {
                 let mut bytes = vec![b'A', b'D', self.setup.r_no, 0];
                 bytes.extend(&data);
-                // An odd LEN is filled up. [reference 1.3]
+                // An odd LEN is filled up. [TIA help "PtP data link CP 341"]
                 if data.len() % 2 == 1 {
                     bytes.push(0);
                 }
@@ -404,7 +404,7 @@ impl PtpJudge {
         }
     }
 
-    /// The receiving block does not take what comes: that is a reason for errors. [reference 1.7]
+    /// The receiving block does not take what comes: that is a reason for errors. [TIA help "PtP data link CP 341"]
     fn starves(&mut self, at: Instant) {
         self.receivers.iter_mut().for_each(|receiver| receiver.disturbed(at + SETTLES));
         if self.setup.protocol == Protocol::Modbus {

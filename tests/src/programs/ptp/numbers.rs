@@ -1,5 +1,5 @@
 //! Which numbers STATUS of a block may have, with each protocol, and what they say about the telegram. Written from the
-//! tables of the manuals. [S4 L1734-L2330] [reference 3, 8.4]
+//! tables of the manuals. [S4 L1734-L2330] (docs/cp341-events.md, docs/cp040-registers.md)
 
 /// What an error says about the telegram of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ impl Protocol {
     }
 }
 
-/// What a job's end may name at any block of a CP 341 or CP 340. [reference 3.4-3.7, 3.14]
+/// What a job's end may name at any block of a CP 341 or CP 340. (docs/cp341-events.md)
 fn of_every_job(status: u16) -> Option<Number> {
     match status {
         0x020F | 0x0301 | 0x0502 | 0x0517 | 0x0518 | 0x0522 | 0x1E41 => Some(Refused),
@@ -45,7 +45,7 @@ fn of_every_job(status: u16) -> Option<Number> {
     }
 }
 
-/// FB 8, FB 3 with ASCII. [reference 3.7, 3.9, 3.10, 6.3]
+/// FB 8, FB 3 with ASCII. (docs/cp341-events.md)
 #[must_use]
 pub fn send_ascii(status: u16) -> Option<Number> {
     match status {
@@ -55,7 +55,7 @@ pub fn send_ascii(status: u16) -> Option<Number> {
     }
 }
 
-/// FB 8, FB 3 with 3964(R). [reference 3.9, 3.10]
+/// FB 8, FB 3 with 3964(R). (docs/cp341-events.md)
 #[must_use]
 pub fn send_3964(status: u16) -> Option<Number> {
     match status {
@@ -64,7 +64,7 @@ pub fn send_3964(status: u16) -> Option<Number> {
     }
 }
 
-/// FB 8 with RK 512. [reference 3.7, 3.9, 3.11, 3.12]
+/// FB 8 with RK 512. (docs/cp341-events.md)
 #[must_use]
 pub fn send_rk512(status: u16) -> Option<Number> {
     match status {
@@ -87,12 +87,12 @@ pub fn send_modbus(status: u16) -> Option<Number> {
     }
 }
 
-/// What a reception may name at P_RCV_RK and P_RCV. [reference 3.6, 3.10, 3.14]
+/// What a reception may name at P_RCV_RK and P_RCV. (docs/cp341-events.md)
 fn of_every_reception(status: u16) -> Option<Number> {
     matches!(status, 0x0301 | 0x0407..=0x040A | 0x0501 | 0x1E0D..=0x1E0F).then_some(Open)
 }
 
-/// FB 7, FB 2 with ASCII or 3964(R). [reference 3.10]
+/// FB 7, FB 2 with ASCII or 3964(R). (docs/cp341-events.md)
 #[must_use]
 pub fn receive_plain(status: u16) -> Option<Number> {
     let known = matches!(
@@ -103,7 +103,7 @@ pub fn receive_plain(status: u16) -> Option<Number> {
     known.then_some(Open).or_else(|| of_every_reception(status))
 }
 
-/// FB 7 with RK 512. [reference 3.8]
+/// FB 7 with RK 512. (docs/cp341-events.md)
 #[must_use]
 pub fn receive_rk512(status: u16) -> Option<Number> {
     matches!(status, 0x0601..=0x0612).then_some(Open).or_else(|| receive_plain(status))
@@ -116,7 +116,7 @@ pub fn receive_modbus(status: u16) -> Option<Number> {
     matches!(status, 0x0E30..=0x0E33).then_some(Open).or_else(|| of_every_reception(status))
 }
 
-/// FB 60, FB 65 sending. [reference 8.4]
+/// FB 60, FB 65 sending. (docs/cp040-registers.md)
 #[must_use]
 pub fn send_040(status: u16) -> Option<Number> {
     match status {
@@ -126,7 +126,7 @@ pub fn send_040(status: u16) -> Option<Number> {
     }
 }
 
-/// FB 61, FB 65 receiving. [reference 8.4]
+/// FB 61, FB 65 receiving. (docs/cp040-registers.md)
 #[must_use]
 pub fn receive_040(status: u16) -> Option<Number> {
     matches!(status, 0x0202 | 0x0301 | 0x0517 | 0x070A | 0x080A | 0x080C | 0x8323 | 0x833A | 0x80A0 | 0x80A1)

@@ -57,7 +57,8 @@ impl Outbox {
         }
     }
 
-    /// Answers to this job were lost or spoilt: the partner may get it more than once. [reference 5.3]
+    /// Answers to this job were lost or spoilt: the partner may get it more than once.
+    /// [TIA help "Configuration for point-to-point links"]
     pub fn spoilt(&mut self, job: usize) {
         self.jobs[job].spoilt = true;
     }
@@ -128,7 +129,7 @@ impl Outbox {
                     format!("{block}: ERROR {status:04X}h says that the partner refused it, but it took it")
                 });
             }
-            // R: what has reached the CP is still sent. [reference 1.2 5]
+            // R: what has reached the CP is still sent. [TIA help "PtP data link CP 341"]
             End::Error(_) | End::Reset => job.spoilt = true,
         }
     }
@@ -219,8 +220,8 @@ impl Inbox {
     /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
     /// and the line was good; `broken`: a kill or a reset may have cut off its beginning.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool, broken: bool) {
-        // "Telegrams stay in the receive buffer until it is full (080Ah)" [reference 1.7]; a block with EN_R = 0 is not
-        // told of the one that is lost then.
+        // "Telegrams stay in the receive buffer until it is full (080Ah)" [TIA help "PtP data link CP 341"]; a block
+        // with EN_R = 0 is not told of the one that is lost then.
         let owed = owed && self.room() >= telegram.len();
         self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed, broken });
     }
@@ -244,7 +245,7 @@ impl Inbox {
         }
     }
 
-    /// A reception was broken off: the telegram may be gone or come again. [reference 1.5 2, 1.5 3]
+    /// A reception was broken off: the telegram may be gone or come again. [TIA help "PtP data link CP 341"]
     pub fn broken_off(&mut self) {
         for letter in self.letters.iter_mut().filter(|letter| letter.taken == 0) {
             (letter.owed, letter.broken) = (false, true);
@@ -279,7 +280,8 @@ impl Inbox {
         });
         findings.must(place >= self.newest, at, Rule::InOrder, || format!("{block}: an older telegram after a newer"));
         self.newest = self.newest.max(place);
-        // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
+        // It was sent again because its answer did not come: whether it comes again, nobody knows.
+        // [TIA help "Configuration for point-to-point links"]
         self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
     }
 
@@ -301,7 +303,7 @@ impl Inbox {
     pub fn finish(&self, block: &str, now: Instant, patience: Span, findings: &mut Verdict) {
         let owed = (0..).zip(&self.letters).filter(|(_, letter)| letter.owed && letter.taken == 0);
         for ((place, letter), before) in owed.zip(1_u64..) {
-            // Those before it came first, each a portion in a call. [reference 1.7, 7.3]
+            // Those before it came first, each a portion in a call. [TIA help "PtP data link CP 341"]
             let since = if place > self.newest { letter.at.max(self.last) } else { letter.at };
             if now > since + patience * before {
                 let (ms, len) = (letter.at.millis(), letter.telegram.len());

@@ -17,7 +17,7 @@ pub struct Manual {
     pub portion: u32,
     /// STATUS of a reception that R or `EN_R` has ended.
     pub aborted: Option<u16>,
-    /// R blocks the block while it is on; otherwise it acts on its edge. [reference 1.5 3]
+    /// R blocks the block while it is on; otherwise it acts on its edge. [TIA help "PtP data link CP 341"]
     pub blocks: bool,
     /// Calls, and time, within which R is answered.
     pub answers: (u32, Span),
@@ -76,7 +76,7 @@ pub struct Receiver {
     faults: u32,
 }
 
-/// Framing, parity, overrun; BREAK; parity and framing at a CP 340 with ASCII. [reference 3.10, 7.3]
+/// Framing, parity, overrun; BREAK; parity and framing at a CP 340 with ASCII. (docs/cp341-events.md)
 const CHARACTER: [u16; 4] = [0x080C, 0x080D, 0x0810, 0x0811];
 
 impl Receiver {
@@ -100,8 +100,9 @@ impl Receiver {
         }
     }
 
-    /// A fault of the line. Its error comes when the telegram that it has hit is over [reference 5.4, 6.2], and behind
-    /// those before it, each a portion in a call [reference 1.5, 7.3]: however late, but once.
+    /// A fault of the line. Its error comes when the telegram that it has hit is over
+    /// [TIA help "Configuration for point-to-point links"], and behind those before it, each a portion in a call:
+    /// however late, but once.
     pub fn fault(&mut self) {
         self.faults += 1;
     }
@@ -177,7 +178,8 @@ impl Receiver {
         }
         let is_fault = CHARACTER.contains(&call.status) && self.faults > 0;
         self.faults -= u32::from(is_fault);
-        // The partner has sent more than there is room for: that is its own cause. [reference 6.4, 7.3]
+        // The partner has sent more than there is room for: that is its own cause.
+        // [TIA help "Configuration for point-to-point links"]
         findings.must(excused || is_fault || call.status == 0x080A, call.at, Rule::ErrorHasCause, || {
             format!("{block}: ERROR {:04X}h, but nothing was wrong", call.status)
         });

@@ -20,7 +20,7 @@ pub struct Manual {
     pub portions: Portions,
     /// STATUS of a job that R has ended; `None`: the reset is answered with DONE alone.
     pub reset: Option<u16>,
-    /// R blocks the block while it is on; otherwise it acts on its edge. [reference 1.2 6]
+    /// R blocks the block while it is on; otherwise it acts on its edge. [TIA help "PtP data link CP 341"]
     pub blocks: bool,
     /// Calls, and time, within which R is answered.
     pub answers: (u32, Span),
@@ -33,9 +33,9 @@ pub struct Manual {
 /// How many calls a job needs at least.
 #[derive(Clone, Copy, Debug)]
 pub enum Portions {
-    /// 32 bytes in a call, three calls at least. [reference 1.0]
+    /// 32 bytes in a call, three calls at least. [CP 341 manual 09/2008, p. 178]
     Of32,
-    /// Telegrams of IO size - 1 bytes, each with its answer. [reference 7.2]
+    /// Telegrams of IO size - 1 bytes, each with its answer. [S3 "Sending data"]
     Io(u32),
 }
 
@@ -191,7 +191,7 @@ impl Sender {
         }
     }
 
-    /// A start-up of the CPU: it ends what runs. [reference 1.6]
+    /// A start-up of the CPU: it ends what runs. [TIA help "Configuration for point-to-point links"]
     pub fn restarted(&mut self, until: Instant) {
         self.disturbed(until);
         // Where R acts on its edge, the reset is kept in the instance data and may go on.
@@ -223,11 +223,11 @@ impl Sender {
             if let Some(job) = self.job.as_mut().filter(|_| self.either) {
                 job.sure = false;
             }
-            // The reset itself has ended; a job may have begun meanwhile. [reference 8.3]
+            // The reset itself has ended; a job may have begun meanwhile. (docs/cp040-registers.md)
             (self.owed, end) = (None, None);
         }
         let mut turn = Turn::default();
-        // STATUS "job runs" without a job: that is the reset. [reference 8.3]
+        // STATUS "job runs" without a job: that is the reset. (docs/cp040-registers.md)
         let settles = std::mem::take(&mut self.settles);
         if settles && end.is_none() && call.status != self.manual.busy {
             self.owed = None;
@@ -238,7 +238,8 @@ impl Sender {
         let failed = matches!(end, Some(End::Error(_))) && call.at < self.excused_until;
         if !self.manual.blocks && !resets && self.owed.is_some() && failed {
             if self.job.is_none() && !rises {
-                // The reset has ended with an error: a restart of the CP, or another instance's reset. [reference 8.3]
+                // The reset has ended with an error: a restart of the CP, or another instance's reset.
+                // (docs/cp040-registers.md)
                 self.owed = None;
                 return turn;
             }
@@ -252,7 +253,8 @@ impl Sender {
             }
         }
         if resets && !self.manual.blocks && end.is_none() && self.job.take_if(|job| !job.sure).is_some() {
-            // No job was there for R to end, or it would have said so: DONE is that of the reset. [reference 8.3]
+            // No job was there for R to end, or it would have said so: DONE is that of the reset.
+            // (docs/cp040-registers.md)
             self.owed = Some((call.at, 0));
             turn.ended = Some(End::Reset);
             if rises {
@@ -275,7 +277,7 @@ impl Sender {
             && !self.manual.blocks
             && end.is_none()
         {
-            // The next job may wait for the reset, or begin only with an edge behind it. [reference 8.3]
+            // The next job may wait for the reset, or begin only with an edge behind it. (docs/cp040-registers.md)
             self.owed = Some((since, 0));
             (turn.ended, turn.began) = (Some(End::Reset), true);
             self.begin(call, false);
@@ -287,7 +289,7 @@ impl Sender {
             }
             turn.ended = self.running(job, call, end, findings);
             if turn.ended.is_some() && rises {
-                // An edge in the call that ends the job before: [reference 1.2 9] leaves open whether it counts.
+                // An edge in the call that ends the job before: the manual leaves open whether it counts.
                 self.begin(call, false);
                 turn.began = true;
             }
@@ -329,7 +331,7 @@ impl Sender {
         });
     }
 
-    /// A job runs: [reference 1.2 1-3, 5, 9].
+    /// A job runs: it takes several calls, ignores further edges of REQ, and ends once. (docs/cp341.md)
     fn running(&mut self, mut job: Job, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
         let Manual { block, number, blocks, .. } = self.manual;
         job.calls += 1;
@@ -365,7 +367,7 @@ impl Sender {
         Some(end)
     }
 
-    /// R in a job: the block says that the job has ended. [reference 1.2 5, 1.2 7]
+    /// R in a job: the block says that the job has ended. [TIA help "PtP data link CP 341"]
     fn aborted(
         &mut self,
         mut job: Job,
@@ -431,7 +433,7 @@ impl Sender {
         }
     }
 
-    /// No job runs: only a reset is answered. [reference 1.2 4, 1.2 7]
+    /// No job runs: only a reset is answered. [TIA help "PtP data link CP 341"]
     fn idle(&mut self, call: &SendCall, end: Option<End>, findings: &mut Verdict) {
         let block = self.manual.block;
         let excused = call.at < self.excused_until;

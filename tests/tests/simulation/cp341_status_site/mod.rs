@@ -16,10 +16,10 @@ pub(crate) const ETX: u8 = 0x03;
 pub(crate) const DLE: u8 = 0x10;
 pub(crate) const NAK: u8 = 0x15;
 
-/// The diagnostic entries of the CP at its start. [reference 3.2]
+/// The diagnostic entries of the CP at its start. (docs/cp341-events.md)
 pub(crate) const STARTED: &[u16] = &[0x0008, 0x0003];
 
-/// A block on the line after STX and DLE: 3964R. [reference 5.1]
+/// A block on the line after STX and DLE: 3964R. [TIA help "Configuration for point-to-point links"]
 pub(crate) fn block(telegram: &[u8]) -> Vec<u8> {
     let mut line = Vec::new();
     for byte in telegram {

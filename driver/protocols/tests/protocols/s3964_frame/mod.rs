@@ -31,7 +31,8 @@ pub(crate) struct Incoming {
 
 impl Incoming {
     pub(crate) fn push(&mut self, character: Option<u8>) {
-        // Before our DLE has been sent no block can come; an STX is a repeated request. [reference 5.4]
+        // Before our DLE has been sent no block can come; an STX is a repeated request.
+        // [TIA help "Configuration for point-to-point links"]
         let request = self.characters.is_empty() && character == Some(0x02);
         if request && self.leaving {
             self.asked_again = true;

@@ -20,7 +20,7 @@ pub(super) const RESULT: usize = 38;
 /// How long it is waited for a hold at a time.
 const WAIT: u64 = 500_000_000;
 
-/// A breakpoint.
+/// A breakpoint that a connection has set.
 #[derive(Debug)]
 pub(super) struct Stop {
     block: BlockId,
@@ -140,7 +140,7 @@ impl Connection {
         self.test_refused(reference, service, why)
     }
 
-    /// One breakpoint less.
+    /// One breakpoint less; after the last one it is asked where the CPU holds.
     pub(super) fn unset_came(&mut self, reference: u16, id: u8, service: u8) -> Vec<u8> {
         if service == sub::TEST_DELETE {
             self.tests.jobs.retain(|job| job.id != id);

@@ -91,7 +91,7 @@ impl Connection {
         }
     }
 
-    /// Forcing ends.
+    /// Forcing ends, whoever has begun it; needs the right to operate.
     pub(super) fn end_forcing(&self) -> Result<Step, Code> {
         if self.may(Rights::Operate) {
             Ok(Self::later(Ask::Force(Vec::new()), Service::Test(Ending::ForceEnds)))

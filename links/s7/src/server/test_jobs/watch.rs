@@ -24,7 +24,7 @@ const MARK: u8 = 0x80;
 /// What an open data block is called in front of its number.
 pub(super) const DB_OPEN: u8 = 0x0A;
 
-/// A watched block.
+/// A block whose passes are told.
 #[derive(Debug)]
 pub(super) struct Watch {
     block: BlockId,
@@ -52,7 +52,7 @@ pub(super) enum Seen {
     Later,
 }
 
-/// Bytes of registers.
+/// How many bytes these registers take in a result.
 fn bytes_of(registers: u8) -> usize {
     let long = (registers & (ACCU1 | ACCU2 | AR1 | AR2)).count_ones() as usize;
     usize::from(registers & STW) * 2 + long * 4 + if registers & DB == 0 { 0 } else { 6 }

@@ -5,16 +5,16 @@ use crate::arena::Range;
 use crate::engine::plan::{Caller, Plan};
 use crate::machine::Machine;
 
-/// What differs.
+/// What differs after the second engine's run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum What {
     /// A byte of the arena: what the reference engine and the other one have there.
     Byte(usize, u8, u8),
-    /// A timer.
+    /// The timer with this number.
     Timer(usize),
-    /// A counter.
+    /// The counter with this number.
     Counter(usize),
-    /// Statements executed.
+    /// Statements executed: by the reference engine, by the other one.
     Statements(u32, u32),
     /// What they ask of the outside; `None`: nothing more.
     Question(Option<Question>, Option<Question>),
@@ -35,7 +35,7 @@ pub(super) struct Difference {
 }
 
 impl Difference {
-    /// In one sentence.
+    /// The difference in one sentence.
     pub(super) fn text(&self, plan: &Plan, m: &Machine) -> String {
         let asked = |question: &Option<Question>| question.as_ref().map_or("nothing".into(), |q| q.text(plan));
         match &self.what {

@@ -20,7 +20,7 @@ pub(crate) enum Question {
 }
 
 impl Question {
-    /// In words.
+    /// The question in words, with its place.
     pub(super) fn text(&self, plan: &Plan) -> String {
         let place = |at: &Caller| plan.site(*at).map_or_else(String::new, |site| format!(" at {site}"));
         let mut text = String::new();

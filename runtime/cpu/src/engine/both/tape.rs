@@ -145,7 +145,7 @@ impl Tape {
         Self { events: Vec::new(), tail: Writes::default(), shadow, played: None, difference: None }
     }
 
-    /// It plays back.
+    /// Whether it plays back; otherwise it records.
     pub(crate) const fn plays(&self) -> bool {
         self.played.is_some()
     }

@@ -7,10 +7,10 @@ use super::Callee;
 use crate::arena::{ArenaBit, ArenaByte};
 use crate::whereabouts::Packed;
 
-/// Who is called.
+/// Which block a call enters.
 #[derive(Clone, Copy, Debug)]
 pub enum CallTarget {
-    /// Known at load.
+    /// Known at load: every execution calls the same block.
     Known(Callee),
     /// `UC FC [MW 4]`: found when it is called.
     Indirect(BlockKind, ob1_ir::Number),
@@ -36,14 +36,14 @@ pub enum RefArg {
     Local(u32),
     /// The caller's own formal, plus an offset.
     Param {
-        /// Its index.
+        /// Index of the formal in the caller's interface, from 0.
         index: u16,
-        /// Bits to add.
+        /// Bits to add to what it refers to.
         at: u32,
     },
     /// A bit of the opened data block: a reference, checked for `bits` at the call.
     Db {
-        /// The bit.
+        /// Bit of the data block, from its begin.
         at: u32,
         /// Bits it must have.
         bits: u32,
@@ -54,7 +54,7 @@ pub enum RefArg {
     Value(Place),
     /// Copied into the call's scratch at this bit, and back when `out`.
     Copy {
-        /// The operand.
+        /// The operand that is copied.
         place: Place,
         /// Its bits, 32 at most.
         bits: u32,
@@ -65,7 +65,7 @@ pub enum RefArg {
     },
     /// A composed actual of an indirect place or data block: referred to where it lies.
     Located {
-        /// The operand.
+        /// The operand that is referred to.
         place: Place,
         /// Bits it must have.
         bits: u32,
@@ -76,16 +76,16 @@ pub enum RefArg {
     Bytes {
         /// First byte of the constant.
         at: ArenaByte,
-        /// Its bytes.
+        /// Length of the constant in bytes.
         len: u32,
         /// Bit of the call's scratch.
         scratch: u32,
     },
     /// A constant the callee may overwrite.
     Scratch {
-        /// The constant.
+        /// Value of the constant, right-aligned.
         value: u32,
-        /// Its bits.
+        /// How many bits the constant has, 32 at most.
         bits: u8,
         /// Bit of the call's scratch.
         scratch: u32,
@@ -95,15 +95,15 @@ pub enum RefArg {
 /// What goes into an instance before a call of an FB.
 #[derive(Clone, Copy, Debug)]
 pub enum InSource {
-    /// A value.
+    /// A value known at load, right-aligned.
     Const(u32),
     /// A bit of the arena.
     Arena(ArenaBit),
     /// Bytes of the constants.
     Bytes {
-        /// First byte.
+        /// First byte of the constant in the arena.
         at: ArenaByte,
-        /// Bytes.
+        /// Length of the constant in bytes.
         len: u32,
     },
     /// An operand, found at the call.
@@ -115,7 +115,7 @@ pub enum InSource {
 /// One copy between an actual and the instance.
 #[derive(Clone, Copy, Debug)]
 pub struct InstanceIn {
-    /// What is copied.
+    /// What is copied into the instance.
     pub from: InSource,
     /// Bit of the instance.
     pub at: u32,
@@ -132,10 +132,10 @@ pub enum OutTarget {
     Place(Place),
 }
 
-/// One copy back.
+/// One copy from the instance to an actual, after the call.
 #[derive(Clone, Copy, Debug)]
 pub struct InstanceOut {
-    /// Where it goes.
+    /// The actual that gets the result.
     pub to: OutTarget,
     /// Bit of the instance.
     pub at: u32,
@@ -157,9 +157,9 @@ pub struct List {
 pub struct Call {
     /// `CALL`, `UC` or `CC`.
     pub mode: CallMode,
-    /// Who is called.
+    /// Which block it enters.
     pub target: CallTarget,
-    /// On which data.
+    /// On which data the block runs.
     pub instance: InstanceOf,
     /// Bytes the callee's instance needs.
     pub instance_bytes: u32,
@@ -169,7 +169,7 @@ pub struct Call {
     pub patches: Box<[(u16, RefArg)]>,
     /// `UC`/`CC` of an FC or SFC: its list of pointers.
     pub list: Option<List>,
-    /// Bytes of scratch.
+    /// Bytes of scratch that the call needs.
     pub scratch: u32,
     /// Copies into the instance.
     pub ins: Box<[InstanceIn]>,

@@ -12,7 +12,7 @@ use crate::arena::ArenaByte;
 /// Bytes of start information at the beginning of an organization block's local data.
 const START_INFO: u32 = 20;
 
-/// Lowers one block.
+/// Lowers one block; what it cannot lower goes to `errors`.
 pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadError>) -> Block {
     let mcr = block.code.iter().any(|s| matches!(s.op, Ir::McrActivate));
     let mut calls = Vec::new();

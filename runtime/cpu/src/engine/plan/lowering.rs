@@ -8,7 +8,7 @@ use crate::CpuConfig;
 use crate::arena::ArenaByte;
 use crate::memory::Memory;
 
-/// Everything lowering reads.
+/// Everything lowering reads of the configuration, the memory and the program.
 pub(crate) struct Lowering<'a> {
     pub(crate) config: &'a CpuConfig,
     pub(crate) memory: &'a Memory,

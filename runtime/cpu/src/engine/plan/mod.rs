@@ -22,7 +22,7 @@ pub(crate) use lowering::{Constants, Lowering};
 pub use op::{AREA_IN_POINTER, Base, Op, Scan};
 pub use signature::{Formal, Signature, Signatures};
 
-/// A loaded block.
+/// A loaded block, found without its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Callee {
     /// Statements: index of [`Plan::blocks`].
@@ -47,24 +47,24 @@ pub struct Areas {
     pub inputs: Range,
     /// Process image of the outputs.
     pub outputs: Range,
-    /// Bit memory.
+    /// Bit memory, from M 0.0 on.
     pub memory: Range,
     /// The stack of local data.
     pub local: Range,
     /// What calls copy in and out.
     pub scratch: Range,
-    /// Constants of calls.
+    /// Constants that calls refer to.
     pub constants: Range,
 }
 
 /// A block, ready to run.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Kind and number.
+    /// Kind and number of the block.
     pub id: BlockId,
     /// One per statement, and the block's end, which counts as the `BE` it is on the CPU.
     pub ops: Box<[Op]>,
-    /// The statements themselves.
+    /// The statements in the intermediate code, as many as there are operations but one.
     pub stmts: Box<[Stmt]>,
     /// Bytes of local data.
     pub local_len: u32,
@@ -88,7 +88,7 @@ impl Block {
 /// Everything engines know of a loaded program.
 #[derive(Debug)]
 pub struct Plan {
-    /// Blocks of statements.
+    /// Blocks of statements, indexed by [`Callee::Code`].
     pub blocks: Box<[Block]>,
     /// Every loaded block and its parameters, sorted by id.
     pub signatures: Signatures,
@@ -99,7 +99,7 @@ pub struct Plan {
     pub data: Box<[Db]>,
     /// Bytes of address space, from the arena's first on, in which an access either reaches the arena or traps.
     pub arena_reserved: u64,
-    /// 2 or 4.
+    /// Number of accumulators: 2 (S7-300) or 4 (S7-400).
     pub accumulators: u8,
     /// Timers T 0 to T n-1.
     pub timers: u16,

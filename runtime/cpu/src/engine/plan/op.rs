@@ -12,9 +12,9 @@ use crate::arena::ArenaByte;
 /// A bit scan: how it combines with the RLO, and whether it is negated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scan {
-    /// AND, OR, XOR.
+    /// How it combines: AND, OR or XOR.
     pub logic: Logic,
-    /// `UN`, `ON`, `XN`.
+    /// The bit is negated first: `UN`, `ON`, `XN`.
     pub negate: bool,
 }
 
@@ -27,13 +27,13 @@ pub enum Base {
     Db,
     /// The instance: DI register and AR2.
     Instance,
-    /// An actual parameter.
+    /// An actual parameter, by the index of its formal.
     Param(u16),
     /// `[AR1,P#x]` into the area of this pointer code; [`AREA_IN_POINTER`]: the area is in the register.
     Ar1(u8),
-    /// `[AR2,P#x]`.
+    /// `[AR2,P#x]` into the area of this pointer code, as with AR1.
     Ar2(u8),
-    /// `[MD n]`.
+    /// `[MD n]`: a pointer in bit memory.
     Pointer {
         /// The area's pointer code.
         code: u8,
@@ -209,7 +209,7 @@ pub enum Op {
     JumpList {
         list: u32,
     },
-    /// Index of [`super::Block::calls`].
+    /// A call; `call` is its index in [`super::Block::calls`].
     Call {
         call: u32,
     },

@@ -7,7 +7,7 @@ use super::Callee;
 /// A formal parameter, as calls need it.
 #[derive(Clone, Debug)]
 pub struct Formal {
-    /// IN, OUT, IN_OUT.
+    /// How it is declared: IN, OUT or IN_OUT.
     pub section: Section,
     /// Size in bits; numbers of timers, counters and blocks are 16.
     pub bits: u32,
@@ -38,11 +38,11 @@ impl Formal {
 /// What a caller must know of a block.
 #[derive(Clone, Debug)]
 pub struct Signature {
-    /// Kind and number.
+    /// Kind and number of the block.
     pub id: BlockId,
-    /// The block.
+    /// The block itself, for calls without a search.
     pub callee: Callee,
-    /// Its formal parameters.
+    /// Its formal parameters, in the order of their indices.
     pub formals: Vec<Formal>,
     /// Bytes of an instance.
     pub instance_bytes: u32,
@@ -86,7 +86,7 @@ impl Signatures {
         self.0.binary_search_by_key(&id, |s| s.id).ok().map(|i| &self.0[i])
     }
 
-    /// Its index.
+    /// Its index among all signatures; `None`: it is not loaded.
     #[must_use]
     pub fn index(&self, id: BlockId) -> Option<u32> {
         self.0.binary_search_by_key(&id, |s| s.id).ok().and_then(|i| u32::try_from(i).ok())

@@ -7,7 +7,7 @@ use crate::engine::call::{Saved, Tops};
 /// The caller, while the called block runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frame {
-    /// Its index.
+    /// Its index among the blocks of the plan.
     pub(super) block: u32,
     /// The statement after the call.
     pub(super) pc: u32,

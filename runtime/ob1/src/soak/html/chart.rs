@@ -27,7 +27,7 @@ impl Axis {
         Self { from: 0.0, to: if to > 0.0 { to * 1.05 } else { 1.0 }, log: false }
     }
 
-    /// Around the values.
+    /// A linear axis around the values, with some room at both ends.
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let (from, to) = values.fold((f64::MAX, f64::MIN), |(from, to), value| (from.min(value), to.max(value)));
         if from > to {

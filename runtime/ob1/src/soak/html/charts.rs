@@ -97,7 +97,7 @@ fn nines(count: f64) -> String {
 /// What a line shows of an interval.
 type Value = fn(&Interval) -> u64;
 
-/// The time series.
+/// The charts of the time series; a word instead if there is none.
 pub(super) fn over_time(out: &mut String, r: &Report) {
     if r.intervals.is_empty() {
         *out += "<p>No interval has ended.</p>\n";

@@ -10,7 +10,7 @@ use super::verdict::Verdict;
 use crate::statistics::{Percentile, SLOPE_NEEDS};
 use crate::units::{amount, time};
 
-/// The page.
+/// The report as the text of an HTML page.
 #[must_use]
 pub fn page(r: &Report) -> String {
     let name = escape(&r.station);

@@ -13,7 +13,7 @@ pub(in super::super) struct Kills {
 }
 
 impl Kills {
-    /// None without kills.
+    /// The plan of the kills; `None`: the load has none.
     pub(in super::super) fn new(load: &Load, seed: u64) -> Option<Self> {
         let mean_ns = 60_000_000_000u64.checked_div(load.kills)?;
         let mut kills = Self { random: Rng::with_seed(!seed), mean_ns, next_ns: 0 };

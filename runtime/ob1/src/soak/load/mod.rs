@@ -112,7 +112,7 @@ pub struct LoadReport {
     pub io_blocks: u64,
     /// The I/O load could not write.
     pub io_errors: u64,
-    /// Drivers killed.
+    /// Driver processes that were killed.
     pub driver_kills: u64,
     /// Faults on simulated lines, in characters per million.
     #[serde(default)]

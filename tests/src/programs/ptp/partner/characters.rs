@@ -165,7 +165,8 @@ impl Characters {
         out.extend(&telegram);
         out.extend(end);
         self.free = left + *pause;
-        // The end characters of ASCII are part of what the block gets. [reference 6.1]
+        // The end characters of ASCII are part of what the block gets.
+        // [TIA help "Configuration for point-to-point links"]
         let telegram = if *strips { telegram } else { out[from..].to_vec() };
         self.saying = Some(left);
         events.push(Event::Said { at: left, telegram, owed: true });

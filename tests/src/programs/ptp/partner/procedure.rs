@@ -1,5 +1,5 @@
 //! A partner with 3964R, written from the description of the procedure and apart from the machines under test.
-//! [S0 L1590-L1668] [reference 5]
+//! [S0 L1590-L1668] [TIA help "Configuration for point-to-point links"]
 
 use std::collections::VecDeque;
 
@@ -113,7 +113,7 @@ pub struct Procedure {
     blocks: u32,
     /// A character to send later.
     delayed: Option<(Instant, u8)>,
-    /// It went out in the middle of a block of the CP, which must then repeat the block. [reference 3.9: 0706h]
+    /// It went out in the middle of a block of the CP, which must then repeat the block. (0706h)
     crossed: bool,
     /// Not before this instant a connection is asked for.
     quiet: Instant,

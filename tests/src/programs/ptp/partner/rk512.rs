@@ -1,4 +1,5 @@
-//! A partner with RK 512, on top of [`super::procedure`]. [S0 L1669-L1800] [reference 4]
+//! A partner with RK 512, on top of [`super::procedure`]. [S0 L1669-L1800]
+//! [TIA help "Configuration for point-to-point links"]
 
 use std::collections::VecDeque;
 
@@ -7,7 +8,7 @@ use ob1_time::Instant;
 use super::procedure::{Procedure, Told};
 use super::{Event, Moods};
 
-/// Bytes of user data in one telegram. [reference 4.1]
+/// Bytes of user data in one telegram. [TIA help "Configuration for point-to-point links"]
 const PORTION: usize = 128;
 
 /// A SEND of the CP under way: its header and data.
@@ -126,7 +127,7 @@ impl Rk512 {
                 let words = usize::from(u16::from_be_bytes([block[6], block[7]]));
                 let _ = letter;
                 let (data, bytes) = (block[10..].to_vec(), 2 * words);
-                // 3964R does not see that a 00h was lost. [reference 4.10] If its answer was spoilt too, the CP repeats
+                // 3964R does not see that a 00h was lost. If its answer was spoilt too, the CP repeats
                 // the block, and nothing would tell a refusal of the first from that of the second. [S0 L1686-L1711]
                 if data.len() != bytes.min(PORTION) {
                     self.taking = None;
@@ -166,7 +167,7 @@ impl Rk512 {
                 self.give(0);
             }
             [0xFF, 0, b'E', ..] if self.giving.is_some() => self.give(0xFF),
-            // Out of order. [reference 4.10]
+            // Out of order.
             _ => self.procedure.send(vec![0, 0, 0, 0x36]),
         }
     }
