@@ -43,9 +43,12 @@ const DECLARATION: u32 = 64 * 1024;
 /// blocks (`DB12.DBX 0.1`: `"Alarms".pump`). Those of very long declarations are left out.
 #[must_use]
 pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, String> {
-    let mut all = BTreeMap::new();
+    let symbols = program.symbols.iter();
+    let mut all: BTreeMap<String, String> =
+        symbols.filter_map(|one| Some((address_in_set(&one.address, mnemonics)?, one.name.clone()))).collect();
     for block in &program.data {
-        let own = block.name.as_ref().map_or_else(|| format!("DB{}", block.number), |name| format!("\"{name}\""));
+        let named = all.get(&format!("DB {}", block.number)).or(block.name.as_ref());
+        let own = named.map_or_else(|| format!("DB{}", block.number), |name| format!("\"{name}\""));
         let mut leaves = Vec::new();
         for declared in block.components.iter().filter(|declared| Layout::bits(&declared.ty) <= DECLARATION) {
             if all.len() + leaves.len() < COMPONENTS {
@@ -63,8 +66,6 @@ pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, Stri
             all.insert(format!("DB{}.DB{unit} {at}", block.number), format!("{own}.{}", leaf.path));
         }
     }
-    let symbols = program.symbols.iter();
-    all.extend(symbols.filter_map(|one| Some((address_in_set(&one.address, mnemonics)?, one.name.clone()))));
     all
 }
 

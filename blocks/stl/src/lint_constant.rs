@@ -35,7 +35,9 @@ pub(crate) fn long_without_sign(i: &Inspected<'_>, file: &File<'_>, sink: &mut S
         let tokens = i.block.statements.get(at).and_then(|s| file.tokens.get(s.operand.clone())).unwrap_or_default();
         let number = tokens.iter().find(|token| token.kind == Kind::Number).map(|token| file.of(*token));
         let is_whole = number.is_some_and(|text| text.bytes().all(|byte| byte.is_ascii_digit()));
-        let value = value as i32;
+        let is_negative = tokens.iter().any(|token| file.of(*token) == "-");
+        // Of a negative INT the upper half is 0.
+        let value = if is_negative && value <= 0xFFFF { i32::from(value as i16) } else { value as i32 };
         if is_whole && i16::try_from(value).is_err() {
             let message = format!("{value} is no INT");
             sink.report_with(i.block.file, i.span(at), &codes::LONG_CONSTANT, message, format!("Write L#{value}."));

@@ -19,8 +19,8 @@ const OFFERED = 50;
 
 /** A line of a table: its name with the form, and the comment. */
 const parts = (line) => {
-  const at = line.indexOf("//");
-  return at < 0 ? [line.trim(), ""] : [line.slice(0, at).trim(), line.slice(at + 2).trim()];
+  const [name, comment = ""] = line.split(/\/\/(.*)/);
+  return [name.trim(), comment.trim()];
 };
 const bare = (name) => FORMS.slice(1).reduce((text, form) => text.toLowerCase().endsWith(form) ? text.slice(0, -form.length) : text, name);
 const plain = (name) => bare(name).replaceAll('"', "").replaceAll(" ", "").toLowerCase();

@@ -222,7 +222,7 @@ fn variables_and_operating_state_are_changed_with_right_only() {
     browser.until("document.querySelector('form.login')?.innerText.includes('Log in to this station')");
     log_in(&browser, "rita");
     watch(&browser);
-    assert_eq!(browser.run("return document.querySelector('#values tbody button').disabled"), true);
+    assert_eq!(browser.run("return document.querySelector('#values tbody button:not(.plain)').disabled"), true);
     browser.click("nav a[href='#station']");
     browser.until("document.querySelector('button.danger')?.disabled");
     browser.click("#account");
@@ -235,7 +235,7 @@ fn variables_and_operating_state_are_changed_with_right_only() {
 
     log_in(&browser, "anna");
     watch(&browser);
-    browser.click("#values tbody button");
+    browser.click("#values tbody button:not(.plain)");
     browser.until("document.querySelector('dialog').innerText.includes('Present value')");
     // What does not fit is told at the field, and stays there.
     browser.fill("#field-value", "many");

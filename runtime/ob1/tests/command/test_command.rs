@@ -128,7 +128,7 @@ fn the_examples_pass() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
     let output = ob1_test(&examples, &[]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
-    assert!(String::from_utf8_lossy(&output.stdout).contains("18 passed, 0 failed"), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("23 passed, 0 failed"), "{output:?}");
 }
 
 #[test]

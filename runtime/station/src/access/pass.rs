@@ -166,7 +166,7 @@ pub(super) fn order(known: &KnownProgram, wanted: &PassWanted) -> Result<PassOrd
 pub(super) fn statements(order: &PassOrder, pass: &Pass) -> Vec<Option<Registers>> {
     let (first, count) = (order.first as usize, order.count as usize);
     let watched = pass.lines.iter().take(count).map(|line| (line.times > 0).then(|| Registers::from(line)));
-    let all = std::iter::repeat_n(None, first).chain(watched);
+    let all = std::iter::repeat_n(None, first).chain(watched).chain(std::iter::repeat(None));
     // The one behind the last is the end.
     all.take(pass.statements.saturating_sub(1) as usize).collect()
 }

@@ -517,6 +517,7 @@ mod tests {
         let wanted = json!({
             "type": "web", "users": "/etc/ob1/a.users", "certificate": "/c/a.crt", "key": "/etc/ob1/tls/a.key",
             "hosts": ["press.plant"], "audit": "/etc/ob1/x.audit", "program": true,
+            "state": "/etc/ob1/x.gate",
         });
         assert_eq!(config, wanted);
         assert_eq!(link.secrets, [Path::new("/etc/ob1/a.users"), Path::new("/etc/ob1/tls/a.key")]);
