@@ -77,3 +77,18 @@ fn a_block_has_the_local_data_of_its_head() {
     assert!(source(&translation, "FC_2.awl").contains("COMPILER_TEMP : ARRAY [1 .. 60] OF BYTE ;\nEND_VAR\nBEGIN"));
     assert!(!source(&translation, "FC_3.awl").contains("COMPILER_TEMP"));
 }
+
+/// A block whose declarations are compiled only has made-up names, and that is told: nobody looks for a fault.
+#[test]
+fn made_up_names_are_told() {
+    let with = function(1, "\nVAR_INPUT\n  level : BYTE ;\nEND_VAR\n", &[0x02, 0x01], &[0x65, 0x00]);
+    let without = function(2, "", &[0x02, 0x01], &[0x65, 0x00]);
+    let (_, translation) = translated(vec![with, without]);
+    assert!(source(&translation, "FC_2.awl").contains("IN0 : BYTE"));
+    let notes: Vec<String> = translation.notes.iter().map(ToString::to_string).collect();
+    assert_eq!(notes.len(), 1, "{notes:?}");
+    assert!(
+        notes[0].starts_with("names: the project has none for the declarations of 1 block(s), ")
+            && notes[0].contains("(FC 2)")
+    );
+}

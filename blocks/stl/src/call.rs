@@ -63,7 +63,9 @@ impl<'l> Lowerer<'l, '_> {
             return Some(call_op(mode, target, None, list));
         };
         let Some(info) = resolver.world.blocks.get(&id) else {
-            resolver.world.report_missing(id, self.index, span, self.sink);
+            let names = statement.args.iter().filter_map(|arg| self.file.tokens.get(arg.name));
+            let given: Vec<&str> = names.map(|token| self.file.of(*token).trim_matches('"')).collect();
+            resolver.world.report_missing_call(id, &given, self.index, span, self.sink);
             return None;
         };
         self.check_instance(mode, target, id, instance, span)?;

@@ -92,7 +92,7 @@ use ob1_model::BlockId;
 
 pub use codes::Severity;
 pub use diagnostic::{Diagnostic, Limit, Rest, USES, excerpt, printable, render, render_all};
-pub use library::{Library, LibraryBlock, Missing};
+pub use library::{CANDIDATES, Candidate, KEY, Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
 pub use numbering::Numbered;

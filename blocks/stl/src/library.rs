@@ -18,12 +18,43 @@ pub struct LibraryBlock {
 }
 
 /// What to say of a block that is not in the library but is called.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// What it is, and why it is not there: `SFC 54 RALRM: this CPU has no alarms of modules`.
     pub message: String,
-    /// What to do instead.
+    /// What to do; [`CANDIDATES`] and [`KEY`] stand for those that fit a call, and for the key of the first.
     pub remedy: String,
+    /// Blocks of this number that may be meant.
+    pub candidates: Vec<Candidate>,
+}
+
+/// A block that may be meant by a call.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Candidate {
+    /// What chooses it: `IEC:FC2`.
+    pub key: String,
+    /// Its name: `CONCAT`.
+    pub name: String,
+    /// Names of its parameters.
+    pub formals: Vec<String>,
+}
+
+/// The place in a remedy for the candidates.
+pub const CANDIDATES: &str = "{candidates}";
+/// The place in a remedy for the key of the first candidate.
+pub const KEY: &str = "{key}";
+
+impl Missing {
+    /// What to do of a call with these parameters: candidates without one of them are not meant, if others have all.
+    pub(crate) fn remedy_for(&self, given: &[&str]) -> String {
+        let has = |candidate: &Candidate, name: &str| candidate.formals.iter().any(|f| f.eq_ignore_ascii_case(name));
+        let fitting: Vec<&Candidate> =
+            self.candidates.iter().filter(|candidate| given.iter().all(|name| has(candidate, name))).collect();
+        let meant = if fitting.is_empty() { self.candidates.iter().collect() } else { fitting };
+        let list: Vec<String> = meant.iter().map(|one| format!("{} {}", one.key, one.name)).collect();
+        let first = meant.first().map_or("", |one| one.key.as_str());
+        self.remedy.replace(CANDIDATES, &list.join(", ")).replace(KEY, first)
+    }
 }
 
 /// The blocks a program may call besides its own.

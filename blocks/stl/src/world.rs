@@ -176,17 +176,24 @@ impl World {
                 }
                 _ => codes::NO_BLOCK.remedy.to_owned(),
             },
+            candidates: Vec::new(),
         })
     }
 
     /// Reports a use of a block that is not there, unless it is the program's own with a mistake.
     pub fn report_missing(&self, id: BlockId, file: usize, span: Span, sink: &mut Sink) {
+        self.report_missing_call(id, &[], file, span, sink);
+    }
+
+    /// The same of a call that supplies the parameters `given`.
+    pub fn report_missing_call(&self, id: BlockId, given: &[&str], file: usize, span: Span, sink: &mut Sink) {
         if self.own.contains(&id) {
             return;
         }
         sink.missing(&id.to_string(), file, span, &codes::NO_BLOCK, |_| {
             let missing = self.unknown_block(id);
-            (missing.message, missing.remedy)
+            let remedy = missing.remedy_for(given);
+            (missing.message, remedy)
         });
     }
 

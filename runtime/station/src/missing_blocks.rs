@@ -8,7 +8,7 @@ use ob1_host::plugin::Plugin;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks, system_functions};
-use ob1_stl::{Library, Missing, USES};
+use ob1_stl::{CANDIDATES, Candidate, KEY, Library, Missing, USES};
 
 use crate::finding::{Finding, Level};
 use crate::library::Choice;
@@ -45,26 +45,30 @@ pub fn explain_missing(library: &mut Library) {
 
 fn lacking(id: BlockId, name: &str) -> Missing {
     let message = format!("{id} {name} is a block of STEP 7 that this CPU does not have: {USES}");
-    Missing { message, remedy: format!("leave the call out or replace it; {MANUAL} lists the blocks there are") }
+    let remedy = format!("leave the call out or replace it; {MANUAL} lists the blocks there are");
+    Missing { message, remedy, ..Missing::default() }
 }
 
 fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
     if let Some(block) = candidates.iter().find(|block| block.origin == Origin::S7_400) {
         return of_s7_400(block);
     }
-    let list: Vec<String> = candidates.iter().map(|block| format!("{} {}", block.key(), block.name)).collect();
-    let key = candidates.first().map(|block| block.key()).unwrap_or_default();
+    let of = |block: &&StandardBlock| Candidate {
+        key: block.key(),
+        name: block.name.to_owned(),
+        formals: block.interface.formals().map(|formal| formal.name.clone()).collect(),
+    };
     let subject = if id.kind == BlockKind::Fb { format!("{id} and its instances") } else { id.to_string() };
     // Only the handling blocks of the CPs come with plugins.
     let plugin = if candidates.iter().any(|block| block.origin.is_declared_only()) { ", its plugin" } else { "" };
     Missing {
         message: format!("{subject}: {}, and neither the program nor the library has it", USES),
         remedy: format!(
-            "load its source{plugin}, import the project, or choose a standard block of this number ({}): \
-             [library] \"{id}\" = \"{key}\" in the station file; bare sources: --library {}={key}",
-            list.join(", "),
+            "load its source{plugin}, import the project, or choose a standard block of this number ({CANDIDATES}): \
+             [library] \"{id}\" = \"{KEY}\" in the station file; bare sources: --library {}={KEY}",
             compact(id)
         ),
+        candidates: candidates.iter().map(of).collect(),
     }
 }
 
@@ -81,6 +85,7 @@ fn of_s7_400(block: &StandardBlock) -> Missing {
             "[cpu] family = 400 in the station file{other}; bare sources: --library {}; {MANUAL}",
             block.origin.name()
         ),
+        ..Missing::default()
     }
 }
 

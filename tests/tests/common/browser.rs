@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::gate::Visitor;
 use super::processes::Watched;
 use super::s7::free_port;
+use super::site::Site;
 use super::{Guard, told};
 
 /// The key by which WebDriver identifies an element. [W3C WebDriver, 12.1]
@@ -213,8 +214,16 @@ impl Browser {
         (hosts, bytes)
     }
 
+    /// Keeps a picture of the page for the book in the folder that OB1_PICTURES names; in that of the test without it.
+    pub(crate) fn keep(&self, site: &Site, name: &str) {
+        let folder = std::env::var_os("OB1_PICTURES").map_or_else(|| site.path("."), std::path::PathBuf::from);
+        let picture = self.picture();
+        assert!(picture.starts_with(b"\x89PNG\r\n\x1A\n") && picture.len() > 5000, "{name}: {}", picture.len());
+        std::fs::write(folder.join(format!("{name}.png")), picture).expect("room for a picture");
+    }
+
     /// A screenshot as a PNG.
-    pub(crate) fn picture(&self) -> Vec<u8> {
+    fn picture(&self) -> Vec<u8> {
         let text = self.call("GET", "/screenshot", &Value::Null);
         decoded(text.as_str().expect("base64"))
     }

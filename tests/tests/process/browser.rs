@@ -470,25 +470,17 @@ fn a_late_answer_leaves_the_next_page_alone() {
 #[test]
 fn pictures() {
     let site = Site::new();
-    let folder = std::env::var_os("OB1_PICTURES").map_or_else(|| site.path("."), std::path::PathBuf::from);
     let (station, port, _) = station(&site, "filling", "");
-    let keep = |browser: &Browser, name: &str| {
-        let picture = browser.picture();
-        assert!(picture.starts_with(b"\x89PNG\r\n\x1A\n") && picture.len() > 5000, "{name}: {}", picture.len());
-        std::fs::write(folder.join(format!("{name}.png")), picture).expect("room for a picture");
-    };
+    let keep = |browser: &Browser, name: &str| browser.keep(&site, name);
     let wide = Browser::open(900);
     wide.go(&format!("http://127.0.0.1:{port}/"));
     wide.until("document.querySelector('.card.run')");
     turn_to(&wide, "en", "scan");
     wide.until("document.querySelectorAll('.fill').length > 3");
     keep(&wide, "web-scan");
-    turn_to(&wide, "en", "variables");
-    wide.fill("#names", "DB10.recipe\nDB10.level\nDB10.target:hex\nMW 20");
-    wide.click("#table-watch");
-    wide.until("document.querySelectorAll('#values td.value').length === 4");
-    wide.until("document.querySelectorAll('#values td.value')[3].innerText === '0'");
-    keep(&wide, "web-variables");
+    turn_to(&wide, "en", "diagnostics");
+    wide.until("document.querySelectorAll('ol.buffer li').length > 1");
+    keep(&wide, "web-diagnostics");
     let phone = Browser::open(360);
     phone.go(&format!("http://127.0.0.1:{port}/"));
     phone.until("document.querySelector('.card.run')");

@@ -309,13 +309,8 @@ fn ten_tasks_take_four_clicks_at_most() {
 #[test]
 fn pictures_of_the_program() {
     let site = Site::new();
-    let folder = std::env::var_os("OB1_PICTURES").map_or_else(|| site.path("."), std::path::PathBuf::from);
     let (station, port) = press(&site, "press", "");
-    let keep = |browser: &Browser, name: &str| {
-        let picture = browser.picture();
-        assert!(picture.starts_with(b"\x89PNG\r\n\x1A\n") && picture.len() > 5000, "{name}: {}", picture.len());
-        std::fs::write(folder.join(format!("{name}.png")), picture).expect("room for a picture");
-    };
+    let keep = |browser: &Browser, name: &str| browser.keep(&site, name);
     station.set("E 0.0", 1);
     let wide = Browser::open(1000);
     show(&wide, port, "OB 1");

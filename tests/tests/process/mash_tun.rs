@@ -4,6 +4,8 @@ use std::fs;
 
 use serde_json::{Value, json};
 
+use super::browser::turn_to;
+use crate::common::browser::Browser;
 use crate::common::gate::Visitor;
 use crate::common::s7::free_port;
 use crate::common::site::Site;
@@ -48,9 +50,8 @@ impl Drop for Plant {
     }
 }
 
-#[test]
-fn the_mash_tun_brews_and_tells_which_contact() {
-    let site = Site::new();
+/// The machine with ports of its own, filling.
+fn filling(site: &Site) -> (Running, Plant, u16) {
     for entry in fs::read_dir(checkout("examples/mash-tun")).expect("the example") {
         let file = entry.expect("a file").path();
         fs::copy(&file, site.path(file.file_name().expect("a name"))).expect("room for a copy");
@@ -62,12 +63,19 @@ fn the_mash_tun_brews_and_tells_which_contact() {
         text = text.replace(from, &format!(":{to}"));
     }
     site.write("station.toml", &text);
-    let plant = Plant::start(&site, coupler);
+    let plant = Plant::start(site, coupler);
     let station = site.run("station.toml").until_run();
     station.until("the coupler", |station| (station.cell("E 0.4") == 1).then_some(()));
     plant.press("quit", &station, "A 4.4", 0);
     plant.press("start", &station, "DB11.SCHRITT", 1);
     station.until("the tun fills", |_| (plant.now()?["level"].as_f64()? > 20.0).then_some(()));
+    (station, plant, page)
+}
+
+#[test]
+fn the_mash_tun_brews_and_tells_which_contact() {
+    let site = Site::new();
+    let (station, plant, page) = filling(&site);
 
     // The pump stands: which contact?
     station.set("DB11.SCHRITT", 5);
@@ -88,5 +96,26 @@ fn the_mash_tun_brews_and_tells_which_contact() {
     drop(plant);
     station.until("the alarm", |station| (station.cell("DB12.KOPPLER") == 1).then_some(()));
     assert_eq!((station.status().state.as_str(), station.cell("A 4.2")), ("RUN", 0));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// A table of its values with comments and trends, as the book shows it.
+#[test]
+fn pictures_of_the_machine() {
+    let site = Site::new();
+    let (station, plant, page) = filling(&site);
+    let browser = Browser::open(900);
+    browser.go(&format!("http://127.0.0.1:{page}/"));
+    turn_to(&browser, "de", "variables");
+    browser.fill("#names", "DB13.FUELLSTAND // Liter\nDB13.TEMPERATUR\nAW 16\nA 4.0\nDB10.SORTE");
+    browser.click("#table-watch");
+    browser.until("document.querySelectorAll('#values svg.spark').length === 4");
+    browser.click("#values tr:nth-child(1) button.plain");
+    browser.click("#values tr:nth-child(4) button.plain");
+    station.until("it heats", |station| (station.cell("DB11.SCHRITT") == 2).then_some(()));
+    browser.until("document.querySelectorAll('#trends .legend li').length === 2");
+    browser.until("document.querySelectorAll('#values td.comment')[2].innerText.startsWith('Stellgröße')");
+    browser.keep(&site, "web-variables");
+    drop(plant);
     assert_eq!(station.interrupt().code(), Some(0));
 }

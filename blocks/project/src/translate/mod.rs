@@ -132,6 +132,8 @@ struct Draft<'f> {
     /// Blocks that stay in machine code.
     images: BTreeSet<BlockId>,
     printed: BTreeSet<BlockId>,
+    /// Blocks whose declarations have no names in the project.
+    nameless: Vec<BlockId>,
     out: Translation,
 }
 
@@ -153,6 +155,7 @@ impl<'f> Draft<'f> {
             reserved: BTreeSet::new(),
             images: BTreeSet::new(),
             printed: BTreeSet::new(),
+            nameless: Vec::new(),
             out: Translation {
                 left_out: folder.damaged.clone(),
                 notes: folder.notes.clone(),
@@ -181,6 +184,25 @@ impl<'f> Draft<'f> {
         draft
     }
 
+    /// Says which names are made up.
+    fn tell_nameless(&mut self) {
+        const SHOWN: usize = 12;
+        let count = self.nameless.len();
+        if count == 0 {
+            return;
+        }
+        let list: Vec<String> = self.nameless.iter().take(SHOWN).map(BlockId::to_string).collect();
+        let more = if count > SHOWN { ", ..." } else { "" };
+        self.out.notes.push(Note::info(
+            "names",
+            format!(
+                "the project has none for the declarations of {count} block(s), IN0, OUT0, STAT0 stand for them ({}{more}); \
+                 `--names-from OLD.s7p` takes those of an older project",
+                list.join(", ")
+            ),
+        ));
+    }
+
     fn note(&mut self, of: impl std::fmt::Display, what: impl Into<String>) {
         self.out.notes.push(Note::warning(of.to_string(), what));
     }
@@ -196,6 +218,12 @@ impl<'f> Draft<'f> {
 
     fn first_declarations(&mut self, id: BlockId, block: &Block) {
         let text = block.declarations.as_deref().unwrap_or_default();
+        let has_entries = self.compiled.get(&id).is_some_and(|c| !c.entries.is_empty());
+        let is_blank = text.trim_matches(['\0', ' ', '\r', '\n', '\t']).is_empty();
+        let is_instance = self.compiled.get(&id).and_then(overlay::instance_of).is_some();
+        if is_blank && has_entries && !is_instance {
+            self.nameless.push(id);
+        }
         if id.kind == BlockKind::Db {
             let shape = self.shape(id, text);
             self.shapes.insert(id, shape);
@@ -205,8 +233,7 @@ impl<'f> Draft<'f> {
             self.leave_out(id, "it has no machine code");
             return;
         }
-        let has_entries = self.compiled.get(&id).is_some_and(|c| !c.entries.is_empty());
-        let declarations = if text.trim_matches(['\0', ' ', '\r', '\n', '\t']).is_empty() && has_entries {
+        let declarations = if is_blank && has_entries {
             self.made(id, None)
         } else {
             Declarations::of_text(text, id.kind == BlockKind::Fc, self.wanted.page)
@@ -371,6 +398,7 @@ impl<'f> Draft<'f> {
 
     /// Values of data blocks, the files, and the program they make.
     fn finish(mut self) -> Translation {
+        self.tell_nameless();
         self.data_values();
         let files = self.files();
         let mut output = self.compile(&files);

@@ -298,6 +298,13 @@ fn blocks_that_are_not_there_are_named() {
         ("CALL SFB 12, DB 5;", &[], &["S0602", "SFB 12 BSEND"]),
         // Numbers of libraries: all blocks that have it by default.
         ("CALL FC 5;", &[], &["S0602", "IEC:FC5 DI_STRNG", "CP341:FC5 V24_STAT", "--library FC5=IEC:FC5"]),
+        // Of them those that have the parameters of the call.
+        (
+            "CALL FC 2 (IN1 := DB1.a, IN2 := DB1.b, RET_VAL := DB1.c);",
+            &[],
+            &["S0602", "of this number (IEC:FC2 CONCAT): [library] \"FC 2\" = \"IEC:FC2\""],
+        ),
+        ("CALL FC 2 (ADR := 256);", &[], &["S0602", "CP240:FC2 FETCH_RK512): [library] \"FC 2\" = \"CP240:FC2\""]),
         // Declared, but nobody serves it.
         (
             "CALL FC 6 (LADDR := 256, RTS := M 0.0, DTR := M 0.1);",
