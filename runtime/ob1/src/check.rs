@@ -13,18 +13,18 @@ use crate::exit::Exit;
 use crate::language::Language;
 use ob1_station::assembly;
 use ob1_station::compiling;
-use ob1_station::engine::EngineChoice;
-use ob1_station::files;
-use ob1_station::finding::{Finding, Level};
 use ob1_station::io::{ProcessIo, Stimulus};
-use ob1_station::library::{Choice, Chosen};
 use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
 use ob1_station::source_view;
-use ob1_station::sources::Sources;
-use ob1_station::station_file::findings::MISPLACED;
-use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
+use ob1_station_file::EngineChoice;
+use ob1_station_file::files;
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::findings::MISPLACED;
+use ob1_station_file::library::{Choice, Chosen};
+use ob1_station_file::sources::Sources;
+use ob1_station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
 
 /// Check sources or a station file
 ///
@@ -121,7 +121,7 @@ fn posture(files: &[PathBuf], json: bool) -> Exit {
         err!("ob1: --posture takes one station file");
         return Exit::Usage;
     };
-    match station_file::load(file) {
+    match ob1_station_file::load(file) {
         Ok(station) => posture::check(&station, json),
         Err(findings) => {
             findings.iter().for_each(|finding| err!("{finding}"));
@@ -137,7 +137,7 @@ pub fn check(args: &CheckArgs) -> Exit {
         return posture(&args.files, args.json);
     }
     let checked = match args.files.as_slice() {
-        [file] if station_file::is_station_file(file) => match misplaced(file, &args.for_sources()) {
+        [file] if ob1_station_file::is_station_file(file) => match misplaced(file, &args.for_sources()) {
             Some(finding) => Checked { findings: vec![finding], ..Checked::default() },
             None => check_station(file, args),
         },
@@ -300,7 +300,13 @@ pub(crate) fn station_errors(path: &Path) -> Vec<Finding> {
 /// The machine code of sources without a station.
 fn machine_code(program: &ob1_ir::Program, standard: &[Choice]) -> String {
     let natives = program::native_standard_blocks(standard);
-    let cpu = Cpu::new(CpuConfig::default(), program, natives, Vec::new(), EngineChoice::Reference.factory());
+    let cpu = Cpu::new(
+        CpuConfig::default(),
+        program,
+        natives,
+        Vec::new(),
+        ob1_station::engine::factory(EngineChoice::Reference),
+    );
     let listing = cpu.map_err(|errors| LoadError::together(&errors)).and_then(|cpu| compiling::listing(cpu.plan()));
     listing.unwrap_or_else(|why| format!("no machine code: {why}\n"))
 }

@@ -30,7 +30,7 @@ use crate::top::{self, TopArgs};
 use crate::trace::{self, TraceArgs};
 use crate::why::{self, WhyArgs};
 use crate::xref::{self, XrefArgs};
-use ob1_station::{compiling, guardian, janitor, out, run, station_file};
+use ob1_station::{compiling, guardian, janitor, out, run};
 use ob1_time::Span;
 
 const AFTER: &str = "\
@@ -142,7 +142,7 @@ struct RunArgs {
     /// The station file (docs/station-file.md)
     station: PathBuf,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = ob1_station_file::parse_duration)]
     time: Option<Span>,
     /// End after so many cycles in RUN
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

@@ -1,7 +1,7 @@
 //! The mnemonics of sources, as commands take them.
 
 use clap::ValueEnum;
-use ob1_station::sources::Mnemonics;
+use ob1_station_file::sources::Mnemonics;
 
 /// The mnemonics of sources.
 #[derive(Clone, Copy, Debug, ValueEnum)]

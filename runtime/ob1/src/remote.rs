@@ -12,8 +12,8 @@ use crate::ctl;
 use crate::exit::Exit;
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{ModuleStatus, Op, Response, RetentiveStatus, Status, Times};
-use ob1_station::timing::text;
 use ob1_station::view::EVENTS_LOST;
+use ob1_timing::text;
 
 /// Read cells of a running station
 #[derive(Debug, Args)]

@@ -9,7 +9,7 @@ use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::pass::{LineStatus, PassStatus, PassWanted, Registers};
 use ob1_station::access::protocol::Op;
-use ob1_station::{out, station_file};
+use ob1_station::out;
 use ob1_time::Span;
 
 use crate::exit::Exit;
@@ -49,7 +49,7 @@ pub struct StatusArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     db: Option<u16>,
     /// How long a pass is waited for, at most 60 s
-    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = ob1_station_file::parse_duration)]
     wait: Span,
     /// Drawn as ladder with its power flow: green has it, blue has not, black did not run
     #[arg(long, conflicts_with = "json", group = "drawn")]

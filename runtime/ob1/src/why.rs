@@ -7,7 +7,6 @@ use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::Op;
 use ob1_station::access::why::{Inside, TermStatus, WhyStatus, WhyWanted};
-use ob1_station::station_file;
 use ob1_time::Span;
 
 use crate::exit::Exit;
@@ -34,7 +33,7 @@ pub struct WhyArgs {
     #[arg(required = true, num_args = 1..=2, value_name = "NAME")]
     operand: Vec<String>,
     /// How long a pass is waited for, at most 60 s
-    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = ob1_station_file::parse_duration)]
     wait: Span,
     /// As JSON: a list of answers, the asked one first
     #[arg(long)]

@@ -10,12 +10,12 @@ use serde_json::{Value, json};
 use crate::check::misplaced;
 use crate::exit::Exit;
 use crate::language::Language;
-use ob1_station::finding::{Finding, Level};
-use ob1_station::library::Chosen;
 use ob1_station::program::{self, LoadFailure};
-use ob1_station::sources::Sources;
-use ob1_station::station_file::findings::UNKNOWN_NAME;
-use ob1_station::station_file::{self, Plugin};
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::findings::UNKNOWN_NAME;
+use ob1_station_file::library::Chosen;
+use ob1_station_file::sources::Sources;
+use ob1_station_file::{self, Plugin};
 
 /// Places that may be meant are listed up to this number.
 const POSSIBLE: usize = 40;
@@ -185,7 +185,7 @@ fn twice(all: &CrossReference<&Program>, asked: &Asked, json: bool) -> Exit {
 
 fn asked(args: &XrefArgs) -> Result<Asked, Vec<Finding>> {
     if let [file] = args.files.as_slice()
-        && station_file::is_station_file(file)
+        && ob1_station_file::is_station_file(file)
     {
         let options = [
             ("--symbols", !args.symbols.is_empty()),
@@ -195,7 +195,7 @@ fn asked(args: &XrefArgs) -> Result<Asked, Vec<Finding>> {
         if let Some(finding) = misplaced(file, &options) {
             return Err(vec![finding]);
         }
-        let station = station_file::load(file)?;
+        let station = ob1_station_file::load(file)?;
         let loaded = program::load(&station).map_err(|failure| match failure {
             LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
         })?;

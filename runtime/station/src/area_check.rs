@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use ob1_ir::{BitTest, Number, Op, Operand, Place, Program};
 use ob1_model::{Area, Width};
 
-use crate::finding::{Finding, Level};
-use crate::station_file::Station;
+use ob1_station_file::Station;
+use ob1_station_file::finding::{Finding, Level};
 
 /// A timer, counter, or a bit, byte or word of the bit memory or process image beyond what `[cpu]` gives.
 const BEYOND: &str = "L031";
@@ -85,7 +85,7 @@ mod tests {
         let output = compile(&[Source::new("a.awl", text)], &Library::new(), &Options::default());
         assert!(output.is_good(), "{:?}", output.diagnostics);
         let station =
-            crate::station_file::parse("[station]\nname = \"a\"\n", "a.toml", Path::new("/a")).expect("a station");
+            ob1_station_file::parse("[station]\nname = \"a\"\n", "a.toml", Path::new("/a")).expect("a station");
         let told: Vec<(u32, String)> =
             findings(&output.program, &station).into_iter().map(|f| (f.line, f.message)).collect();
         let lines: Vec<u32> = told.iter().map(|(line, _)| *line).collect();

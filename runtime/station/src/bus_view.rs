@@ -9,7 +9,7 @@ use ob1_coupler::{BusConfig, LineConfig, State, Status};
 use ob1_host::driver;
 
 use crate::access::protocol::{BusStationStatus, BusStatus, Piece};
-use crate::station_file::{Bus, ModuleConfig, ModuleKind};
+use ob1_station_file::{Bus, ModuleConfig, ModuleKind};
 
 /// A bus, as seen from other threads than the scan.
 #[derive(Clone, Debug)]

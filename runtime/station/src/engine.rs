@@ -6,62 +6,24 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ob1_arena::Arena;
 use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_native::{AtLoad, Tier};
+use ob1_station_file::EngineChoice;
 
-/// The engine that is asked for: `engine` in `[cpu]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EngineChoice {
-    /// The reference engine at once, and machine code as soon as a process of its own has made it
-    /// ([`crate::compiling`]).
-    #[default]
-    Auto,
-    /// The one that compiles to machine code.
-    Native,
-    /// The one that defines what a statement means.
-    Reference,
-    /// The reference engine runs, and the native one is compared with it.
-    Both,
-    /// The reference engine without short forms; for comparisons.
-    Plain,
+/// What makes the engine of a program that takes over while the CPU is in RUN: falling back to the reference engine
+/// would make it late.
+#[must_use]
+pub fn factory_in_run(choice: EngineChoice) -> &'static dyn Factory {
+    if choice == EngineChoice::Auto { &Quick } else { factory(choice) }
 }
 
-impl EngineChoice {
-    /// What a station file may say.
-    pub const WORDS: [(&str, EngineChoice); 4] = [
-        ("auto", EngineChoice::Auto),
-        ("native", EngineChoice::Native),
-        ("reference", EngineChoice::Reference),
-        ("both", EngineChoice::Both),
-    ];
-
-    /// The choice of a word on a command line: that of a station file, or `plain`.
-    ///
-    /// # Errors
-    /// The word is none of these: the words there are, in one sentence.
-    pub fn parse(word: &str) -> Result<Self, String> {
-        let mut words = Self::WORDS.into_iter().chain([("plain", EngineChoice::Plain)]);
-        words
-            .find(|(name, _)| *name == word)
-            .map(|(_, choice)| choice)
-            .ok_or_else(|| "one of auto, native, reference, both, plain".to_owned())
-    }
-
-    /// What makes the engine of a program that takes over while the CPU is in RUN: falling back to the reference engine
-    /// would make it late.
-    #[must_use]
-    pub fn factory_in_run(self) -> &'static dyn Factory {
-        if self == EngineChoice::Auto { &Quick } else { self.factory() }
-    }
-
-    /// What makes the engine the CPU begins with.
-    #[must_use]
-    pub fn factory(self) -> &'static dyn Factory {
-        match self {
-            EngineChoice::Auto => &Succeeded,
-            EngineChoice::Reference => REFERENCE,
-            EngineChoice::Plain => PLAIN,
-            EngineChoice::Native => &Compiled,
-            EngineChoice::Both => &Both(&Compiled),
-        }
+/// What makes the engine the CPU begins with.
+#[must_use]
+pub fn factory(choice: EngineChoice) -> &'static dyn Factory {
+    match choice {
+        EngineChoice::Auto => &Succeeded,
+        EngineChoice::Reference => REFERENCE,
+        EngineChoice::Plain => PLAIN,
+        EngineChoice::Native => &Compiled,
+        EngineChoice::Both => &Both(&Compiled),
     }
 }
 
@@ -173,7 +135,7 @@ mod tests {
         let words = EngineChoice::WORDS.iter().map(|(word, _)| *word).chain(["plain"]);
         for choice in words.filter_map(|word| EngineChoice::parse(word).ok()) {
             let config = ob1_cpu::CpuConfig::default();
-            let cpu = ob1_cpu::Cpu::new(config, &program, Vec::new(), Vec::new(), choice.factory()).expect("it loads");
+            let cpu = ob1_cpu::Cpu::new(config, &program, Vec::new(), Vec::new(), factory(choice)).expect("it loads");
             in_use.set(cpu.engine());
             assert_eq!(in_use.name(), cpu.engine());
         }
@@ -228,7 +190,7 @@ mod tests {
             let program = ob1_ir::Program { blocks, sources: vec!["p".into()], ..ob1_ir::Program::default() };
             let load = |choice: EngineChoice, memory_bytes| {
                 let config = CpuConfig { memory_bytes, db_pool_bytes: 0, ..CpuConfig::default() };
-                Cpu::new(config, &program, Vec::new(), Vec::new(), choice.factory()).expect("it loads")
+                Cpu::new(config, &program, Vec::new(), Vec::new(), factory(choice)).expect("it loads")
             };
             // The constant is the last of the arena; with so much bit memory the largest pages end there.
             let end = |cpu: &Cpu| cpu.plan().areas.constants.at.0 + cpu.plan().areas.constants.len;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::station_file::Line;
+use ob1_station_file::Line;
 
 /// The variable for a process that makes things in these folders, only links in those others, and speaks over these
 /// lines.

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ob1_model::Forced;
 use parking_lot::Mutex;
 
-use crate::files;
+use ob1_station_file::files;
 
 /// The first line and the last one: between them a line for each cell.
 const HEAD: &str = "ob1 force 1";

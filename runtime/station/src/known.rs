@@ -13,7 +13,7 @@ use ob1_stl::{CrossReference, Library};
 use parking_lot::RwLock;
 
 use crate::access::protocol::Download;
-use crate::files;
+use ob1_station_file::files;
 
 /// The language of a block as its head has it. [the list of block types of S7 communication]
 const STL: u8 = 1;

@@ -10,8 +10,8 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks, system_functions};
 use ob1_stl::{CANDIDATES, Candidate, KEY, Library, Missing, USES};
 
-use crate::finding::{Finding, Level};
-use crate::library::Choice;
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::library::Choice;
 
 /// A block that is called, is declared by a library, and that no plugin serves.
 const UNSERVED: &str = "L020";

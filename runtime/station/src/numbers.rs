@@ -8,9 +8,9 @@ use std::path::Path;
 use ob1_stl::Numbered;
 
 use crate::block_name::parse_block;
-use crate::files;
-use crate::finding::{Finding, Level, Text};
-use crate::station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
+use ob1_station_file::files;
+use ob1_station_file::finding::{Finding, Level, Text};
+use ob1_station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
 
 /// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is
 /// none: the file was made or changed by hand.

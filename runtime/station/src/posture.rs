@@ -9,9 +9,9 @@ use ob1_time::Span;
 
 use crate::access::protocol::GrantStatus;
 use crate::exit::Exit;
-use crate::finding::{Finding, Level};
-use crate::station_file::findings::STARVES;
-use crate::station_file::{Realtime, Station};
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::findings::STARVES;
+use ob1_station_file::{Realtime, Station};
 
 /// The priority of a new station's scan: above the kernel's threads of low priority, below its watchdogs.
 const PRIORITY: u8 = 50;
@@ -192,7 +192,7 @@ mod tests {
 
     fn station(cpu: &str, realtime: &str) -> Station {
         let text = format!("[station]\nname = \"x\"\n[cpu]\n{cpu}\n[cpu.realtime]\n{realtime}\n");
-        crate::station_file::parse(&text, "x.toml", Path::new("")).unwrap_or_else(|findings| panic!("{findings:?}"))
+        ob1_station_file::parse(&text, "x.toml", Path::new("")).unwrap_or_else(|findings| panic!("{findings:?}"))
     }
 
     #[test]
@@ -231,7 +231,7 @@ mod tests {
     fn the_best_table_asks_for_everything_and_is_no_error() {
         for (isolated, affinity) in [(&[][..], vec![]), (&[2, 3], vec![2])] {
             let text = format!("[station]\nname = \"x\"\n\n{}", best_table(isolated));
-            let station = crate::station_file::parse(&text, "x.toml", Path::new(""));
+            let station = ob1_station_file::parse(&text, "x.toml", Path::new(""));
             let asked = station.unwrap_or_else(|findings| panic!("{text}: {findings:?}")).realtime;
             assert!(asked.priority == Some(PRIORITY) && asked.lock_memory && asked.keep_awake, "{asked:?}");
             assert_eq!(asked.affinity, affinity);

@@ -19,14 +19,13 @@ use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::exit::Exit;
-use crate::finding::{Finding, Level, Spot};
-use crate::library::{self, Choice};
-use crate::sources::Sources;
-use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
-use crate::station_file::{self, Station};
-use crate::{
-    area_check, drivers, files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library,
-};
+use crate::{area_check, drivers, handling_check, missing_blocks, numbers, retentive, whole_library};
+use ob1_station_file::finding::{Finding, Level, Spot};
+use ob1_station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
+use ob1_station_file::library::{self, Choice};
+use ob1_station_file::sources::Sources;
+use ob1_station_file::{self, Station};
+use ob1_station_file::{files, program_files};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -155,7 +154,7 @@ const SLOW: Duration = Duration::from_secs(5);
 ///
 /// # Errors
 /// One finding for each that was refused.
-pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Finding>> {
+pub fn load_plugins(plugins: &[ob1_station_file::Plugin]) -> Result<Plugins, Vec<Finding>> {
     let mut loaded = Vec::new();
     let mut refused = Vec::new();
     for config in plugins {
@@ -197,18 +196,18 @@ fn load_watched(path: &Path) -> Result<Arc<Plugin>, PluginError> {
     Plugin::load(path)
 }
 
-fn file_name(config: &station_file::Plugin) -> String {
+fn file_name(config: &ob1_station_file::Plugin) -> String {
     format!("lib{}.so", config.name)
 }
 
-fn find_plugin(config: &station_file::Plugin) -> Option<PathBuf> {
+fn find_plugin(config: &ob1_station_file::Plugin) -> Option<PathBuf> {
     if config.path.is_some() {
         return config.path.clone();
     }
     plugin_folders().into_iter().map(|folder| folder.join(file_name(config))).find(|path| path.exists())
 }
 
-fn not_found(config: &station_file::Plugin) -> Finding {
+fn not_found(config: &ob1_station_file::Plugin) -> Finding {
     let searched = plugin_folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
     let remedy = format!("looked for {} in {searched}; set OB1_PLUGIN_DIR, or give a path with a /", file_name(config));
     match &config.place {
@@ -221,7 +220,7 @@ fn not_found(config: &station_file::Plugin) -> Finding {
 }
 
 /// At the line of the station file that names the plugin, if one does.
-fn of_plugin(config: &station_file::Plugin, error: &PluginError) -> Finding {
+fn of_plugin(config: &ob1_station_file::Plugin, error: &PluginError) -> Finding {
     let Some(place) = &config.place else { return of_error(error) };
     let message = format!("{}: {}", error.path.display(), error.refusal);
     place.finding(Level::Error, error.refusal.number(), message, error.refusal.remedy().to_owned())
@@ -340,7 +339,7 @@ fn unread_table(path: &Path) -> Finding {
 /// The finding about a station file among sources, when there is one.
 #[must_use]
 pub fn station_among_sources(files: &[PathBuf]) -> Option<Finding> {
-    let station = files.iter().find(|file| station_file::is_station_file(file))?;
+    let station = files.iter().find(|file| ob1_station_file::is_station_file(file))?;
     let remedy = "a station names its own sources: give its file alone, to `ob1 run`, `ob1 check` or `ob1 xref`";
     Some(Finding::whole(
         Level::Error,

@@ -14,7 +14,7 @@ use ob1_host::supervisor::Times;
 use serde_json::{Value, json};
 
 use crate::drivers::DriverSettings;
-use crate::station_file::{FaultRates, Partner, SimulatedLine};
+use ob1_station_file::{FaultRates, Partner, SimulatedLine};
 
 /// Folder of the shared lines, beside the stations' directories. No station can have this name.
 const SHARED: &str = ".lines";

@@ -23,10 +23,10 @@ use crate::io::Panel;
 use crate::known::Known;
 use crate::reason;
 use crate::retentive::health::Health;
-use crate::station_file::{ModuleConfig, ModuleKind};
-use crate::timing::{Class, Timings};
 use crate::wall_clock::unix_now;
+use ob1_station_file::{ModuleConfig, ModuleKind};
 use ob1_time::Instant;
+use ob1_timing::{Class, Timings};
 
 /// Among the counters of a module: events that the ring of its segment had no room for.
 pub const EVENTS_LOST: &str = "events_lost";

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 
-use crate::files;
+use ob1_station_file::files;
 
 /// Bytes of the head of an ELF file with 64 bits.
 const HEAD: usize = 64;

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use ob1_command::soak::Report;
-use ob1_station::timing::Class;
-use ob1_station::timing::snapshot::LateReport;
+use ob1_timing::Class;
+use ob1_timing::snapshot::LateReport;
 
 use super::peer::Failure;
 

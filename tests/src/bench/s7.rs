@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use ob1_command::statistics::{quantile, since};
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{Op, Response};
-use ob1_station::timing::Timing;
+use ob1_timing::Timing;
 
 use super::peer::Failure;
 use super::wake::{Ratios, Verdict};

@@ -8,9 +8,9 @@ use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_host::plugin::Plugin;
 use ob1_rt::ThreadLook;
-use ob1_station::timing::LateSender;
 use ob1_stl::{Library, Options, Source};
 use ob1_time::{Instant, Span};
+use ob1_timing::LateSender;
 
 use super::peer::Failure;
 use super::{Figure, in_turns, time_per_call};

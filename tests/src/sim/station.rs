@@ -6,8 +6,8 @@ use std::path::Path;
 use ob1_cpu::{Clock, Command, Cpu, Module, ModuleSlot};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
-use ob1_station::station_file::{self, Station};
 use ob1_station::{assembly, program};
+use ob1_station_file::{self, Station};
 use ob1_time::{Instant, Span};
 
 use super::driver::Driver;
@@ -55,14 +55,20 @@ impl SimStation {
         rng: &mut SplitMix64,
         spoil: &dyn Fn(&mut CpSettings),
     ) -> Result<Self, String> {
-        let station = station_file::load(path).map_err(|findings| texts(&findings))?;
+        let station = ob1_station_file::load(path).map_err(|findings| texts(&findings))?;
         let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
         let mut own = Vec::new();
         let modules = modules(&station, plug, drivers, &mut own, rng, spoil)?;
         let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
         let natives = loaded.native_blocks(&seen).map_err(|failure| texts(failure.findings()))?;
-        let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory())
-            .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
+        let mut cpu = Cpu::new(
+            station.cpu.clone(),
+            &loaded.program,
+            natives,
+            modules,
+            ob1_station::engine::factory(station.engine),
+        )
+        .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
         Ok(Self { name: station.name, cpu, drivers: own, due: Instant::START, logged: 0 })
     }
@@ -132,6 +138,6 @@ fn modules(
     Ok(modules)
 }
 
-fn texts(findings: &[ob1_station::finding::Finding]) -> String {
+fn texts(findings: &[ob1_station_file::finding::Finding]) -> String {
     findings.iter().map(|finding| finding.text.as_str()).collect()
 }

@@ -9,8 +9,8 @@ use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Number, Op, Op
 use ob1_line::sim::SplitMix64;
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout};
 use ob1_project::{Files, Project, Tree, Wanted, translate};
-use ob1_station::engine::EngineChoice;
 use ob1_station::program;
+use ob1_station_file::EngineChoice;
 use ob1_stl::Mnemonics;
 use ob1_time::{Instant, Span};
 
@@ -172,7 +172,7 @@ fn drive(program: &ob1_ir::Program, seed: u64) -> Result<(usize, BTreeMap<String
         non_retain: false,
     });
     let natives = program::native_standard_blocks(&[]);
-    let engine = EngineChoice::Reference.factory();
+    let engine = ob1_station::engine::factory(EngineChoice::Reference);
     let mut cpu = Cpu::new(CpuConfig::default(), &program, natives, Vec::new(), engine)
         .map_err(|errors| format!("it does not load: {}", errors[0]))?;
     let (mut random, mut clock, mut found) = (SplitMix64::new(seed), Time(Instant::START), BTreeMap::new());

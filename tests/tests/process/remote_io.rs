@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use ob1_station::access::protocol::Op;
-use ob1_station::timing::Class;
 use ob1_tests::siege::{is_campaign, rounds};
+use ob1_timing::Class;
 use rustix::process::Signal;
 use serde_json::json;
 

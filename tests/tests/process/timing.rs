@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 
 use ob1_rt::Outcome;
 use ob1_station::access::protocol::Op;
-use ob1_station::timing::snapshot::LateEntry;
-use ob1_station::timing::{Class, Recorder, Timing};
 use ob1_time::Span;
+use ob1_timing::snapshot::LateEntry;
+use ob1_timing::{Class, Recorder, Timing};
 use rustix::process::Signal;
 
 use crate::common::native;

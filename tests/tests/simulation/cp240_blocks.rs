@@ -347,7 +347,7 @@ fn a_call_for_nothing_is_found_before() {
     let warnings = |protocol: &str, cycle: &str| {
         let folder = tempfile::tempdir().expect("a folder");
         let path = station(folder.path(), &format!("{{ protocol = \"{protocol}\" }}"), cycle, DB_10);
-        let station = ob1_station::station_file::load(&path).expect("a station");
+        let station = ob1_station_file::load(&path).expect("a station");
         let loaded = ob1_station::program::load(&station).expect("a program");
         loaded.findings.iter().map(|f| (f.code.clone(), f.line)).collect::<Vec<_>>()
     };

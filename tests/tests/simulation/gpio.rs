@@ -7,8 +7,8 @@ use std::rc::Rc;
 
 use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot};
 use ob1_model::Event;
-use ob1_station::station_file::{self, ModuleKind};
 use ob1_station::{assembly, program};
+use ob1_station_file::{self, ModuleKind};
 use ob1_tests::sim::MS;
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_time::{Instant, Span};
@@ -75,7 +75,7 @@ impl Board {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("board.awl"), PROGRAM).expect("room for a file");
-        let station = station_file::parse(FILE, "board.toml", folder.path());
+        let station = ob1_station_file::parse(FILE, "board.toml", folder.path());
         let station = station.unwrap_or_else(|findings| panic!("{findings:#?}"));
         let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
         let of = &station.buses[0];
@@ -93,8 +93,14 @@ impl Board {
             })
             .collect();
         let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
-        let mut cpu =
-            Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
+        let mut cpu = Cpu::new(
+            station.cpu.clone(),
+            &loaded.program,
+            natives,
+            modules,
+            ob1_station::engine::factory(station.engine),
+        )
+        .expect("a CPU");
         cpu.request(Command::Run);
         Self { now: Instant::START, due: Instant::START, cpu, bus, chip }
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ob1_station::station_file::{self, is_station_file};
+use ob1_station_file::{self, is_station_file};
 
 /// All station files of the examples.
 fn stations() -> Vec<PathBuf> {
@@ -11,7 +11,7 @@ fn stations() -> Vec<PathBuf> {
     let files = folders.filter(|path| path.is_dir()).flat_map(|folder| std::fs::read_dir(folder).expect("readable"));
     let toml = files.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
     let mut stations: Vec<PathBuf> =
-        toml.filter(|path| is_station_file(path) && station_file::load(path).is_ok()).collect();
+        toml.filter(|path| is_station_file(path) && ob1_station_file::load(path).is_ok()).collect();
     stations.sort();
     stations
 }

@@ -148,6 +148,8 @@ const FENCES: &[(&str, &[Ban])] = &[
     // It provides the clock, and reads /proc.
     ("runtime/rt", &[Net, Process, Hash]),
     ("runtime/station", NONE),
+    ("runtime/station-file", NONE),
+    ("runtime/timing", NONE),
     ("tests", NONE),
     ("xtask", NONE),
 ];

@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use clap::{Args, Subcommand};
 use ob1_station::drivers;
-use ob1_station::station_file::{self, Bus, Line};
+use ob1_station_file::{self, Bus, Line};
 use serde_json::Value;
 
 use crate::exit::Exit;
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &BusArgs) -> Exit {
 
 /// Asks every address, and prints who answers.
 fn scan(options: &ScanArgs) -> Exit {
-    let station = match station_file::load(&options.station) {
+    let station = match ob1_station_file::load(&options.station) {
         Ok(station) => station,
         Err(findings) => {
             findings.iter().for_each(|finding| err!("{finding}"));

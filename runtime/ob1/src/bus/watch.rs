@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::{BusStatus, Op};
-use ob1_station::{out, station_file};
+use ob1_station::out;
 use ob1_time::Span;
 
 use super::text::text;
@@ -25,7 +25,7 @@ pub(super) struct WatchArgs {
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     /// Time between two looks
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = ob1_station_file::parse_duration)]
     every: Span,
     /// End after so many looks
     #[arg(long, short = 'n', value_name = "N")]

@@ -6,10 +6,10 @@ use std::path::Path;
 use ob1_ir::Program;
 use ob1_model::{BlockId, Interface};
 use ob1_project::Language;
-use ob1_station::finding::{Finding, Level};
 use ob1_station::program::{self, LoadFailure};
-use ob1_station::sources::Sources;
-use ob1_station::{program_files, station_file};
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::program_files;
+use ob1_station_file::sources::Sources;
 use ob1_stl::print::Printer;
 use ob1_stl::{Library, Mnemonics, Source};
 
@@ -55,7 +55,7 @@ impl Side {
             (BTreeMap::new(), BTreeMap::new(), BTreeSet::new(), false);
         let (program, library) = if let Some(host) = host {
             import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
-        } else if station_file::is_station_file(path) {
+        } else if ob1_station_file::is_station_file(path) {
             station(path)?
         } else if path.join(STATION).is_file() {
             station(&path.join(STATION))?
@@ -102,7 +102,7 @@ impl Side {
 /// The text of each block's source, as far as the files are there.
 fn texts_of(program: &Program) -> BTreeMap<BlockId, String> {
     let read = |name: &String| {
-        let bytes = ob1_station::files::read(Path::new(name), ob1_station::files::LONGEST).ok()?;
+        let bytes = ob1_station_file::files::read(Path::new(name), ob1_station_file::files::LONGEST).ok()?;
         Some(Source::new(name.as_str(), bytes).text().into_owned())
     };
     let texts: Vec<Option<String>> = program.sources.iter().map(read).collect();
@@ -111,7 +111,7 @@ fn texts_of(program: &Program) -> BTreeMap<BlockId, String> {
 }
 
 fn station(path: &Path) -> Result<(Program, Library), String> {
-    let station = station_file::load(path).map_err(|findings| told(&findings))?;
+    let station = ob1_station_file::load(path).map_err(|findings| told(&findings))?;
     let loaded = program::load(&station).map_err(|failure| match failure {
         LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => told(&findings),
     })?;

@@ -6,9 +6,8 @@ use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
 use crate::language::Language;
-use ob1_station::engine::EngineChoice;
-use ob1_station::library::{Choice, Chosen};
-use ob1_station::station_file;
+use ob1_station_file::EngineChoice;
+use ob1_station_file::library::{Choice, Chosen};
 use ob1_time::Span;
 
 /// Run bare sources without a station file: the start OB once, then OB 1 cyclically
@@ -60,7 +59,7 @@ pub struct ExecArgs {
     #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(0..=65_536))]
     pub bit_memory: u32,
     /// End after this time; where time is virtual, also after 120 s of real time
-    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = ob1_station_file::parse_duration)]
     pub limit: Span,
     /// The engine: auto, native, reference, both (the one checked against the other), or plain (reference without its
     /// short forms)
@@ -76,10 +75,10 @@ pub struct ExecArgs {
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub ns_per_statement: u64,
     /// Minimum cycle time
-    #[arg(long, value_name = "TIME", default_value = "1ms", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1ms", value_parser = ob1_station_file::parse_duration)]
     pub min_cycle: Span,
     /// Cycle monitoring time; 0ms: none
-    #[arg(long, value_name = "TIME", default_value = "150ms", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "150ms", value_parser = ob1_station_file::parse_duration)]
     pub watchdog: Span,
     /// The kind of start: OB 102, OB 100, OB 101
     #[arg(long, value_enum, default_value_t = Start::Warm)]

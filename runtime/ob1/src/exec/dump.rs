@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use ob1_cpu::Cpu;
-use ob1_station::files;
+use ob1_station_file::files;
 
 /// What a dump is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

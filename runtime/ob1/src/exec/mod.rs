@@ -25,13 +25,13 @@ use crate::exit::{ExecExit, Exit};
 use clock::{ExecClock, WallTime};
 use engines::Engines;
 use ob1_station::compiling::Request;
-use ob1_station::engine::EngineChoice;
-use ob1_station::finding::Finding;
 use ob1_station::known::Places;
-use ob1_station::library::Choice;
 use ob1_station::missing_blocks::Unserved;
 use ob1_station::program;
-use ob1_station::sources::Sources;
+use ob1_station_file::EngineChoice;
+use ob1_station_file::finding::Finding;
+use ob1_station_file::library::Choice;
+use ob1_station_file::sources::Sources;
 use stats::Meter;
 
 /// Entries of the diagnostic buffer printed after a fault.
@@ -141,7 +141,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu,
     let natives = program::native_standard_blocks(standard);
     let request =
         (args.engine == EngineChoice::Auto).then(|| Request::new(&config, Arc::new(program.clone()), &natives));
-    let cpu = Cpu::new(config, program, natives, Vec::new(), args.engine.factory());
+    let cpu = Cpu::new(config, program, natives, Vec::new(), ob1_station::engine::factory(args.engine));
     let cpu = cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))?;
     Ok((cpu, request))
 }

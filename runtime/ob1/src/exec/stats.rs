@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time;
 
 use ob1_cpu::Cpu;
-use ob1_station::files;
+use ob1_station_file::files;
 use ob1_time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
-use ob1_station::{files, program, program_files, station_file};
+use ob1_station::program;
+use ob1_station_file::{files, program_files};
 
 /// Where the blocks lie as they came from the CPU.
 pub(super) const UPLOADED: &str = "uploaded";
@@ -79,8 +80,8 @@ fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 /// The program of a station, as machine code.
 fn station(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
     let told =
-        |findings: &[ob1_station::finding::Finding]| findings.iter().map(ToString::to_string).collect::<String>();
-    let station = station_file::load(path).map_err(|findings| told(&findings))?;
+        |findings: &[ob1_station_file::finding::Finding]| findings.iter().map(ToString::to_string).collect::<String>();
+    let station = ob1_station_file::load(path).map_err(|findings| told(&findings))?;
     let loaded = program::load(&station).map_err(|failure| told(failure.findings()))?;
     let library = program::library(&loaded.plugins, &station.program.library).map_err(|findings| told(&findings))?;
     let callee = |id| library.get(id).map(|block| &block.interface);

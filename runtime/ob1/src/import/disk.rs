@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ob1_project::{Archive, FileSource, LONGEST_FILE};
-use ob1_station::files;
+use ob1_station_file::files;
 
 /// The deepest folder that is looked into: a project's own files lie four deep.
 const DEEPEST: u32 = 8;

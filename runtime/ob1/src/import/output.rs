@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ob1_ir::Symbol;
 use ob1_project::{Notes, SymbolRow, Translation};
-use ob1_station::finding::Finding;
+use ob1_station_file::finding::Finding;
 use ob1_stl::Source;
 
 use super::names::{BLOCKS, DRAWINGS, GSD, REPORT, STATION, SYMBOLS};

@@ -9,7 +9,7 @@ use std::path::Path;
 use ob1_dp::gsd::{Gsd, Parameters, Wanted};
 use ob1_dp::master::least_slot_bits;
 use ob1_project::{Area, DpSlave, DpSystem, Module, Note, Notes};
-use ob1_station::files;
+use ob1_station_file::files;
 
 use super::hardware::{Hardware, merged};
 use super::names::{GSD, clean, line};

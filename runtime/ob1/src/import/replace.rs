@@ -9,8 +9,8 @@ use ob1_project::{Block, Folder, Note, Notes};
 use ob1_std::{StandardBlock, standard_blocks};
 use ob1_stl::Library;
 
-use ob1_station::library::Choice;
 use ob1_station::program;
+use ob1_station_file::library::Choice;
 
 /// The letters of a block's head that are kept: NAME has 8.
 const NAME: usize = 8;

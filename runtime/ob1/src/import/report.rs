@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ob1_model::BlockKind;
 use ob1_project::{Folder, Note, Notes, Translation, Weight};
-use ob1_station::finding::Finding;
+use ob1_station_file::finding::Finding;
 
 use super::names::{REPORT, STATION};
 use super::station::Made;

@@ -7,8 +7,8 @@ mod station;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use ob1_station::finding::{Finding, Level};
-use ob1_station::{posture, station_file};
+use ob1_station::posture;
+use ob1_station_file::finding::{Finding, Level};
 
 use crate::exit::Exit;
 use folder::File;
@@ -146,9 +146,9 @@ fn for_cd(path: &Path) -> String {
 /// The last part of the path, if it can be a name.
 fn name_of<'p>(path: &'p Path, what: &str) -> Result<&'p str, Refusal> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    if !station_file::is_name(name) {
+    if !ob1_station_file::is_name(name) {
         let message = format!("\"{name}\" is not a valid name for a {what}");
-        return Err(Refusal::new(Exit::Usage, NAME, path, message, station_file::NAME_RULE));
+        return Err(Refusal::new(Exit::Usage, NAME, path, message, ob1_station_file::NAME_RULE));
     }
     Ok(name)
 }

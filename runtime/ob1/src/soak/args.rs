@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use ob1_station::station_file;
 use ob1_time::Span;
 
 use super::{Budget, Load};
@@ -31,7 +30,7 @@ pub struct SoakArgs {
     #[arg(
         long = "for",
         value_name = "TIME",
-        value_parser = station_file::parse_duration,
+        value_parser = ob1_station_file::parse_duration,
         required_unless_present = "compare"
     )]
     pub time: Option<Span>,
@@ -45,7 +44,7 @@ pub struct SoakArgs {
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
     pub budget: Vec<Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
-    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = ob1_station_file::parse_duration)]
     pub warm_up: Option<Span>,
     /// Cells of the program to follow, such as its own counters
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use ob1_station::station_file::parse_duration;
-use ob1_station::timing::Class;
+use ob1_station_file::parse_duration;
+use ob1_timing::Class;
 
 use crate::statistics::PERCENTILES;
 

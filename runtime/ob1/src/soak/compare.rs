@@ -158,7 +158,7 @@ fn counts(a: &Report, b: &Report) -> Vec<(String, Share, Share)> {
             continue;
         }
         let limit = quantile(&in_a.buckets, 0.999);
-        let of = |spread: &ob1_station::timing::snapshot::Spread| (beyond(&spread.buckets, limit), spread.count);
+        let of = |spread: &ob1_timing::snapshot::Spread| (beyond(&spread.buckets, limit), spread.count);
         rows.push((format!("{name} > {}", time(limit as f64)), of(in_a), of(in_b)));
     }
     if let (Some(in_a), Some(in_b)) = (&a.timing, &b.timing) {

@@ -18,7 +18,6 @@ use super::{SoakArgs, budget};
 use ob1_station::access::protocol::{GrantStatus, Op, Status};
 use ob1_station::run::console::LiveLine;
 use ob1_station::run::signals::Signals;
-use ob1_station::station_file;
 
 /// Between two checks of signals, the station's process and the driver kills.
 const TICK: Duration = Duration::from_millis(50);
@@ -38,7 +37,7 @@ const START: Duration = Duration::from_secs(120);
 /// Runs a soak. The error is what to print.
 pub(super) fn drive(file: &Path, time: Duration, args: &SoakArgs) -> Result<Report, String> {
     let system = |what: &str, error: io::Error| format!("ob1: {what}: {error}\n");
-    let station = station_file::load(file)
+    let station = ob1_station_file::load(file)
         .map_err(|findings| findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
     args.load.check(station.simulated_lines.len()).map_err(|why| format!("ob1: {why}\n"))?;
     let signals = Signals::catch().map_err(|e| system("signals", e))?;

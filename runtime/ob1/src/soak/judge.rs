@@ -7,8 +7,8 @@ use crate::statistics::Percentile;
 use crate::statistics::{BEYOND, SLOPE_HOURS, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
 use crate::units::{amount, time};
 use ob1_station::access::protocol::Diagnostic;
-use ob1_station::timing::Class;
 use ob1_time::Span;
+use ob1_timing::Class;
 
 /// Judges a report against its budget, and by how the soak ended.
 pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
@@ -104,12 +104,7 @@ fn of_percentile(report: &Report, name: &str, share: f64, limit: f64) -> Judged 
     (measured, kept(over as f64 <= allowed.max(BEYOND as f64)), String::new())
 }
 
-fn of_value(
-    report: &Report,
-    name: &str,
-    limit: f64,
-    value: impl Fn(&ob1_station::timing::snapshot::Spread) -> f64,
-) -> Judged {
+fn of_value(report: &Report, name: &str, limit: f64, value: impl Fn(&ob1_timing::snapshot::Spread) -> f64) -> Judged {
     let Some(spread) = report.distribution(name) else { return unseen("no value of it has been seen") };
     let value = value(spread);
     let good = value <= limit;

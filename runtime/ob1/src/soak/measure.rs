@@ -4,8 +4,8 @@ use super::report::{Brief, CellLedger, CpLedger, Interval, Report, Role, percent
 use super::verdict::Ended;
 use crate::statistics::{quantile, since};
 use ob1_station::access::protocol::Status;
-use ob1_station::timing::Timing;
-use ob1_station::timing::snapshot::Spread;
+use ob1_timing::Timing;
+use ob1_timing::snapshot::Spread;
 
 /// What is known of a station at one moment.
 #[derive(Clone, Debug)]

@@ -8,8 +8,8 @@ use super::load::LoadReport;
 use super::verdict::{Ended, Finding, Verdict};
 use crate::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
-use ob1_station::files;
-use ob1_station::timing::snapshot::{Spread, Timing};
+use ob1_station_file::files;
+use ob1_timing::snapshot::{Spread, Timing};
 
 /// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
 pub const SOAK_SCHEMA: u32 = 1;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::report::{CpLedger, Report, Role};
 use crate::statistics::{Percentile, SLOPE_NEEDS};
 use ob1_station::posture;
-use ob1_station::timing::{self, Timing};
+use ob1_timing::{self, Timing};
 
 use crate::units::{amount, time};
 
@@ -91,7 +91,7 @@ fn scans(out: &mut String, r: &Report) {
         "\nscans {}   overruns {}   missed deadlines {} (rule: {})   watchdog {}",
         t.scans, t.overruns, t.missed, t.missed_rule, t.watchdogs
     );
-    *out += &timing::text::late(&t.late);
+    *out += &ob1_timing::text::late(&t.late);
 }
 
 fn telegrams(out: &mut String, r: &Report) {

@@ -10,11 +10,11 @@ use super::cells::Set;
 use crate::check::dummy;
 use crate::virtual_clock::VirtualClock;
 use ob1_station::assembly;
-use ob1_station::engine::EngineChoice;
-use ob1_station::finding::Finding;
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::program::{LoadFailure, Loaded};
-use ob1_station::station_file::{Absent, ModuleConfig, ModuleKind};
+use ob1_station_file::EngineChoice;
+use ob1_station_file::finding::Finding;
+use ob1_station_file::{Absent, ModuleConfig, ModuleKind};
 use ob1_time::{Instant, Span};
 
 /// Statements that take no time in one scan: those of an ordinary program, so that timers run out to the millisecond.

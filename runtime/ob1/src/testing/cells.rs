@@ -9,8 +9,8 @@ use ob1_model::{Area, DataType, S5Time};
 use super::file::{Cells, Placed};
 use super::harness::Harness;
 use ob1_access::{Datum, Item, Names, Reading, Typed, text, value};
-use ob1_station::station_file::findings::{Findings, VALUE};
-use ob1_station::station_file::parse_duration;
+use ob1_station_file::findings::{Findings, VALUE};
+use ob1_station_file::parse_duration;
 
 /// A value to be written.
 #[derive(Clone, Debug)]

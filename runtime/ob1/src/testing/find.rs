@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ob1_station::program_files::TEST_FILE;
+use ob1_station_file::program_files::TEST_FILE;
 
 /// Folders deeper than this are not searched: links may go in circles.
 const DEPTH: usize = 16;

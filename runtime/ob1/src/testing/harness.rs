@@ -14,9 +14,9 @@ use ob1_model::{BlockId, BlockKind, DataType, Interface};
 use ob1_stl::Library;
 
 use super::plan::Call;
-use ob1_station::finding::Text;
-use ob1_station::sources::Mnemonics;
-use ob1_station::station_file::findings::{CALL, Findings};
+use ob1_station_file::finding::Text;
+use ob1_station_file::findings::{CALL, Findings};
+use ob1_station_file::sources::Mnemonics;
 
 /// The number from which free ones are looked for, downwards.
 const HIGHEST: u16 = 65_000;
@@ -177,10 +177,10 @@ fn type_text(ty: &DataType) -> String {
 
 /// Findings about the generated source, reported at the place of the call.
 pub(super) fn of_generated(
-    findings: &[ob1_station::finding::Finding],
+    findings: &[ob1_station_file::finding::Finding],
     call: &Call,
     source: Text<'_>,
-) -> Vec<ob1_station::finding::Finding> {
+) -> Vec<ob1_station_file::finding::Finding> {
     let told = findings.iter().map(|found| {
         let message = format!("{} cannot be called in this way: {}", call.block, found.message);
         source.finding(found.level, CALL, call.at.clone(), message, found.remedy.clone())

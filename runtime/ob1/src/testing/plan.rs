@@ -8,10 +8,10 @@ use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
 use ob1_station::block_name::parse_block;
-use ob1_station::finding::{Finding, Text};
-use ob1_station::sources::{Mnemonics, Sources};
-use ob1_station::station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
-use ob1_station::station_file::{choice, parse_duration, standard};
+use ob1_station_file::finding::{Finding, Text};
+use ob1_station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
+use ob1_station_file::sources::{Mnemonics, Sources};
+use ob1_station_file::{choice, parse_duration, standard};
 use ob1_time::{Instant, Span};
 
 /// Minimum cycle time of a test without a station file.
@@ -112,7 +112,7 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
             }
             let (files, symbols) = (paths(&file.sources), paths(&file.symbols));
             let library = standard(f, &file.libraries, &file.library);
-            let places = ob1_station::station_file::places(f, &[&file.sources, &file.symbols], folder);
+            let places = ob1_station_file::places(f, &[&file.sources, &file.symbols], folder);
             Tested::Sources(Sources { files, symbols, mnemonics, library, places, ..Sources::default() })
         }
     };

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
-use ob1_station::files;
-use ob1_station::finding::Finding;
+use ob1_station_file::files;
+use ob1_station_file::finding::Finding;
 
 /// One test that was run.
 #[derive(Clone, Debug)]

@@ -14,12 +14,12 @@ use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
-use ob1_station::files;
-use ob1_station::finding::{Finding, Level, Text};
 use ob1_station::program::{self, Loaded};
-use ob1_station::sources::Sources;
-use ob1_station::station_file::findings::{CALL, Findings, UNREADABLE, VALUE};
-use ob1_station::station_file::{self, ModuleConfig};
+use ob1_station_file::files;
+use ob1_station_file::finding::{Finding, Level, Text};
+use ob1_station_file::findings::{CALL, Findings, UNREADABLE, VALUE};
+use ob1_station_file::sources::Sources;
+use ob1_station_file::{self, ModuleConfig};
 
 /// Name of the generated source.
 const GENERATED: &str = "(the call under test)";
@@ -92,7 +92,7 @@ impl Subject {
                 (String::from("test"), bare_config(plan.bare_cycle()), bare_modules(), sources.clone(), Vec::new())
             }
             Tested::Station(path) => {
-                let station = station_file::load(path)?;
+                let station = ob1_station_file::load(path)?;
                 let mut config = station.cpu;
                 // Virtual time moves with the cycles.
                 config.min_cycle = plan.cycle.unwrap_or(config.min_cycle).max(Span::MICROSECOND);
@@ -102,7 +102,7 @@ impl Subject {
         let plugins = program::load_plugins(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
-        let (files, symbols) = ob1_station::program_files::expand(&wanted.files, &wanted.symbols);
+        let (files, symbols) = ob1_station_file::program_files::expand(&wanted.files, &wanted.symbols);
         let wanted = Sources { files, symbols, ..wanted };
         let sources = program::read_all(&wanted.files, &wanted.places, &mut findings);
         let compiled = program::compile_texts(&sources, &wanted, &library, findings)?;

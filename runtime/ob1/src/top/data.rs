@@ -6,8 +6,8 @@ use super::watch::Watched;
 use crate::bus::text::Before;
 use crate::statistics::{quantile, since};
 use ob1_station::access::protocol::{BusStatus, CellValue, CpBuffer, Diagnostic, LinkStatus, ModuleStatus, Status};
-use ob1_station::timing::Timing;
-use ob1_station::timing::snapshot::Spread;
+use ob1_timing::Timing;
+use ob1_timing::snapshot::Spread;
 
 /// Telegrams that are kept.
 const TELEGRAMS: usize = 500;

@@ -19,7 +19,6 @@ use ob1_time::Span;
 
 use crate::exit::Exit;
 use ob1_station::access::client::AccessError;
-use ob1_station::station_file;
 
 /// Show a running station, live
 ///
@@ -40,7 +39,7 @@ pub struct TopArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub watch: Vec<String>,
     /// Time between two looks
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = ob1_station_file::parse_duration)]
     pub every: Span,
     /// End after so many looks
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

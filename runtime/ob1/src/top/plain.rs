@@ -164,7 +164,7 @@ pub(super) fn values(data: &Data) -> Vec<String> {
 /// The whole look as lines of text.
 pub(super) fn text(data: &Data) -> String {
     let mut out = format!("{}\n{}{}", head(data), first(data), times(data));
-    out += &ob1_station::timing::text::late(&data.now.timing.late);
+    out += &ob1_timing::text::late(&data.now.timing.late);
     for (number, m) in data.now.status.modules.iter().enumerate() {
         let _ = writeln!(out, "{}", module(data, number, m));
     }

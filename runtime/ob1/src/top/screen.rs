@@ -10,8 +10,8 @@ use super::data::{Data, bins};
 use super::keys::{HELP, Keys, Tab};
 use super::plain;
 use crate::units::time;
-use ob1_station::timing::Timing;
-use ob1_station::timing::snapshot::Spread;
+use ob1_timing::Timing;
+use ob1_timing::snapshot::Spread;
 
 /// Columns of a bar of a histogram, and between two.
 const BAR: u16 = 7;
@@ -54,7 +54,7 @@ fn titled(title: &str) -> Block<'_> {
 
 fn scan(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     let times = plain::times(data);
-    let late = ob1_station::timing::text::late(&data.now.timing.late);
+    let late = ob1_timing::text::late(&data.now.timing.late);
     let height = |text: &str| text.lines().count() as u16 + 1;
     let first = plain::first(data);
     let room = first.lines().map(|line| line.chars().count() as u16 / area.width.max(1) + 1).sum();

@@ -16,7 +16,8 @@ use ob1_time::Span;
 
 use crate::exit::Exit;
 use ob1_station::access::client::AccessError;
-use ob1_station::{files, out, station_file};
+use ob1_station::out;
+use ob1_station_file::files;
 
 pub use pcapng::Pcapng;
 pub use print::Printer;
@@ -60,7 +61,7 @@ pub struct TraceArgs {
     #[arg(long, short)]
     pub quiet: bool,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = ob1_station_file::parse_duration)]
     pub time: Option<Span>,
 }
 

@@ -216,7 +216,7 @@ fn the_pages_show_what_there_is() {
                 snippets += 1;
                 wrong.extend(wrong_with(block).map(|what| what + "\n"));
             } else if block.info == "toml,station" {
-                let findings = ob1_station::station_file::parse(&block.text, &block.place, Path::new("/station")).err();
+                let findings = ob1_station_file::parse(&block.text, &block.place, Path::new("/station")).err();
                 wrong.extend(findings.unwrap_or_default().iter().map(|finding| format!("{finding}\n")));
             } else if matches!(language, "" | "sh" | "console") {
                 // A command line may go on in the next line.

@@ -20,7 +20,7 @@ fn the_station_file_of_the_document_is_good() {
     // One file, in as many pieces as the document likes.
     let text = blocks(&document("station-file.md"), "toml").concat();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/et200m");
-    let station = ob1_station::station_file::parse(&text, "station-file.md", &folder);
+    let station = ob1_station_file::parse(&text, "station-file.md", &folder);
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
     assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (15, 3, 1));
 }
@@ -28,7 +28,7 @@ fn the_station_file_of_the_document_is_good() {
 #[test]
 fn every_key_of_a_station_file_is_in_its_document() {
     let text = document("station-file.md");
-    let source = include_str!("../../../station/src/station_file/tables.rs");
+    let source = include_str!("../../../station-file/src/tables.rs");
     let keys = source.lines().filter_map(|line| line.trim().strip_prefix("pub(super) ")?.split_once(':'));
     for (key, _) in keys.filter(|(key, _)| !key.contains(' ')) {
         let key = if key == "kind" { "type" } else { key.trim_end_matches('_') };
@@ -41,7 +41,7 @@ fn the_process_io_document_is_right() {
     let text = document("process-io.md");
     let blocks = blocks(&text, "toml");
     let station = format!("[station]\nname = \"x\"\n{}", blocks[0]);
-    let station = ob1_station::station_file::parse(&station, "process-io.md", Path::new("/s"));
+    let station = ob1_station_file::parse(&station, "process-io.md", Path::new("/s"));
     assert_eq!(station.unwrap_or_else(|findings| panic!("{findings:?}")).modules.len(), 2);
     ob1_station::io::Stimulus::parse(&blocks[1], "process-io.md").unwrap_or_else(|findings| panic!("{findings:?}"));
     let offset = |name: &str| IO_FIELDS.iter().find(|f| f.name == name).expect("a field of the image").offset;
@@ -76,7 +76,7 @@ fn the_requests_of_the_access_document_are_requests() {
 fn the_numbers_of_findings_are_in_the_document() {
     let text = document("station-file.md");
     for source in [
-        include_str!("../../../station/src/station_file/findings.rs"),
+        include_str!("../../../station-file/src/findings.rs"),
         include_str!("../../../station/src/io/stimulus.rs"),
         include_str!("../../src/check.rs"),
         include_str!("../../src/testing/harness.rs"),

@@ -9,7 +9,8 @@ use serde_json::Value;
 
 use super::protocol::{Op, Request, Response};
 use crate::exit::Exit;
-use crate::{files, rundir, station_file};
+use crate::rundir;
+use ob1_station_file::files;
 
 /// How long a station may take to answer. Its socket thread answers even if the CPU hangs; this is for a process that
 /// was stopped.
@@ -134,7 +135,7 @@ fn name_of(station: &str) -> Result<String, AccessError> {
         return Ok(station.to_owned());
     }
     let path = Path::new(station);
-    match station_file::load(path) {
+    match ob1_station_file::load(path) {
         Ok(station) => Ok(station.name),
         // A file that has changed under a running station: its name is enough.
         Err(_) => name_in(path).map_err(|why| AccessError::NoName { file: path.to_owned(), why }),

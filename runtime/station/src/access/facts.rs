@@ -23,12 +23,12 @@ use ob1_time::{Instant, Span};
 use crate::access::pass;
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
-use crate::files;
 use crate::known::KnownProgram;
 use crate::source_view::{self, SourceView};
-use crate::station_file::Station;
 use crate::view::StationView;
 use crate::wall_clock::unix_now;
+use ob1_station_file::Station;
+use ob1_station_file::files;
 
 /// What the broker asks of the station; see [the module](self).
 pub(crate) struct StationFacts {

@@ -12,8 +12,8 @@ use ob1_stl::{Mnemonics, Source};
 use serde::{Deserialize, Serialize};
 
 use crate::block_name::parse_block;
-use crate::files;
 use crate::known::KnownProgram;
+use ob1_station_file::files;
 
 /// Which pass is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]

@@ -12,7 +12,7 @@ use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
 use super::why::{WhyStatus, WhyWanted};
 use crate::download::{LoadOrder, LoadStatus};
-use crate::timing::{Recorder, Timing};
+use ob1_timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
 pub const LINE_BYTES: usize = 64 * 1024;

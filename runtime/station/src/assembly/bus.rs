@@ -13,7 +13,7 @@ use crate::bus_view::BusView;
 use crate::drivers::DriverSettings;
 use crate::fence;
 use crate::simulated;
-use crate::station_file::{Bus, Line, Station};
+use ob1_station_file::{Bus, Line, Station};
 
 /// Register bytes of the segment: a number that changes with the outputs.
 const REGISTER_BYTES: usize = 8;

@@ -23,7 +23,7 @@ use serde_json::json;
 use crate::compiling::Request;
 use crate::download::{self, Changes, Downloading};
 use crate::drivers::{DriverSettings, find_program};
-use crate::engine::{EngineChoice, InUse};
+use crate::engine::{InUse, factory};
 use crate::fence;
 use crate::forced::{self, Forces};
 use crate::io::{Panel, ProcessIo, Stimulus};
@@ -32,13 +32,14 @@ use crate::missing_blocks::Unserved;
 use crate::program::{self, LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
-use crate::station_file::{
-    AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station, StationLink,
-};
-use crate::timing::Timings;
 use crate::view::{ModuleView, StationView};
 use crate::wall_clock::date_now;
 use bus::AddedBus;
+use ob1_station_file::{
+    AbdUnit, Absent, EngineChoice, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station,
+    StationLink,
+};
+use ob1_timing::Timings;
 
 /// Organization blocks beyond those of the sources for which there is stack, where blocks can be downloaded.
 const SPARE_OBS: u8 = 8;
@@ -207,7 +208,7 @@ pub fn load_cpu(
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
     engine: EngineChoice,
 ) -> Result<Cpu, LoadFailure> {
-    Cpu::new(config, program, natives, modules, engine.factory()).map_err(|errors| {
+    Cpu::new(config, program, natives, modules, factory(engine)).map_err(|errors| {
         LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, program))
     })
 }

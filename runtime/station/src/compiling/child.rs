@@ -113,7 +113,7 @@ mod tests {
         let program = Arc::new(output.program);
         let config = CpuConfig::default();
         let request = Request::new(&config, Arc::clone(&program), &Natives::default());
-        let factory = crate::engine::EngineChoice::Auto.factory();
+        let factory = crate::engine::factory(ob1_station_file::EngineChoice::Auto);
         let cpu = Cpu::new(config, &program, Vec::new(), Vec::new(), factory).expect("it loads");
         let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [7; 16] };
         let (ours, theirs) = handover::pair().expect("a socket");

@@ -385,7 +385,7 @@ mod tests {
         let source = ob1_stl::Source { name: "p.awl".into(), bytes: text.as_bytes().to_vec() };
         let program: Program =
             ob1_stl::compile(&[source], &ob1_stl::Library::new(), &ob1_stl::Options::default()).program;
-        let auto = crate::engine::EngineChoice::Auto.factory();
+        let auto = crate::engine::factory(ob1_station_file::EngineChoice::Auto);
         let mut cpu = Cpu::new(CpuConfig::default(), &program, Vec::new(), Vec::new(), auto).expect("it loads");
         cpu.request(Wish::Run);
         cpu

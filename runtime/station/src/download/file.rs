@@ -10,7 +10,7 @@ use std::path::Path;
 use ob1_model::{BlockId, BlockKind};
 
 use super::changes::Changes;
-use crate::files;
+use ob1_station_file::files;
 
 const MAGIC: [u8; 8] = *b"ob1 load";
 const VERSION: u8 = 1;

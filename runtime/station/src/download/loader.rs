@@ -26,10 +26,11 @@ use super::changes::{Changes, block, has, is_system_data};
 use super::file;
 use super::order::{LoadOrder, LoadStatus, Loading, Loads};
 use crate::compiling::{Compiling, Giver, Request, Successors};
-use crate::engine::{EngineChoice, InUse};
-use crate::finding::{Finding, Level};
+use crate::engine::{InUse, factory, factory_in_run};
 use crate::known::{Known, KnownProgram};
-use crate::{program, station_file};
+use crate::program;
+use ob1_station_file::EngineChoice;
+use ob1_station_file::finding::{Finding, Level};
 
 /// Programs under way to the scan.
 const UNDER_WAY: usize = 2;
@@ -365,7 +366,7 @@ impl Work {
             let errors = findings.iter().filter(|finding| finding.level == Level::Error);
             errors.map(ToString::to_string).collect::<String>().trim_end().to_owned()
         };
-        let station = station_file::load(path).map_err(told)?;
+        let station = ob1_station_file::load(path).map_err(told)?;
         Ok(program::compile(&station.program, &self.with.library).map_err(told)?.program)
     }
 
@@ -402,9 +403,9 @@ impl Work {
 
     fn load(&self, next: &Program, fresh: Vec<u16>) -> Result<Successor, Refused> {
         let with = &self.with;
-        let factory = if (self.runs)() { with.engine.factory_in_run() } else { with.engine.factory() };
+        let makes = if (self.runs)() { factory_in_run(with.engine) } else { factory(with.engine) };
         let programs = (&*with.now, next);
-        let made = with.around.successor(programs, fresh.clone(), factory, with.stack);
+        let made = with.around.successor(programs, fresh.clone(), makes, with.stack);
         let made = match made {
             Err(errors)
                 if with.engine == EngineChoice::Auto
@@ -413,7 +414,7 @@ impl Work {
                         .any(|error| matches!(error, LoadError::Engine { .. } | LoadError::Stack { .. })) =>
             {
                 // The reference engine needs less stack.
-                with.around.successor(programs, fresh, with.engine.factory(), with.stack)
+                with.around.successor(programs, fresh, factory(with.engine), with.stack)
             }
             made => made,
         };

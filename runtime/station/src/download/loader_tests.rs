@@ -48,7 +48,7 @@ fn started(text: &str) -> (Cpu, Loader, Newcomers, Arc<AtomicBool>) {
     let around = Surroundings::new(&config, &natives);
     let compile = Some(Request::new(&config, Arc::clone(&sources), &natives));
     let engine = EngineChoice::Auto;
-    let cpu = Cpu::new(config, &sources, natives, Vec::new(), engine.factory()).expect("it loads");
+    let cpu = Cpu::new(config, &sources, natives, Vec::new(), crate::engine::factory(engine)).expect("it loads");
     let downloading = Downloading {
         around,
         now: Arc::clone(&sources),

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::loader::Order;
 use crate::access::protocol::Download;
-use crate::files;
+use ob1_station_file::files;
 
 /// What is to be loaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]

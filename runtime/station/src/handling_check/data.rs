@@ -6,7 +6,7 @@ use ob1_params::CpKind;
 
 use super::sites::{Site, calls};
 use super::{DATA, Told, module_at};
-use crate::station_file::{AbdUnit, ModuleKind, Station};
+use ob1_station_file::{AbdUnit, ModuleKind, Station};
 
 /// Where an order has its data: names of the parameters.
 struct Data {

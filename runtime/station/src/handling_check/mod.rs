@@ -14,8 +14,8 @@ use ob1_ir::{Op, Place, Program};
 use ob1_model::{Area, BlockId};
 use ob1_params::{Cp240, CpKind, ModbusKind, Protocol};
 
-use crate::finding::{Finding, Level};
-use crate::station_file::{ModuleConfig, ModuleKind, Station};
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::{ModuleConfig, ModuleKind, Station};
 use sites::{Handling, Site};
 
 pub(crate) use sites::blocks_of;

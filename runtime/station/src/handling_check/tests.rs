@@ -8,7 +8,8 @@ use ob1_stl::Source;
 
 use super::sites::Handling;
 use super::*;
-use crate::{library, program, sources, station_file};
+use crate::program;
+use ob1_station_file::{library, sources};
 
 /// A CP of a type at address 256, on a simulated line.
 fn cp(kind: &str, params: &str, more: &str) -> String {
@@ -24,7 +25,7 @@ fn told(modules: &str, text: &str) -> Vec<(String, u32)> {
 
 fn findings_of(modules: &str, text: &str) -> Vec<Finding> {
     let file = format!("[station]\nname = \"s\"\n[cpu]\ntimers = 8\n[program]\nsources = []\n{BOX}{modules}");
-    let station = station_file::parse(&file, "s.toml", Path::new("/s")).unwrap_or_else(|found| panic!("{found:?}"));
+    let station = ob1_station_file::parse(&file, "s.toml", Path::new("/s")).unwrap_or_else(|found| panic!("{found:?}"));
     // The library of the CP of the modules: the plugins are not at hand here.
     let kind = station.modules.first().and_then(|module| module.kind.cp()).expect("a CP");
     let standard = library::whole(kind.name()).expect("its library");

@@ -15,7 +15,7 @@ use ob1_backplane::{GuardPage, IoField, IoImage};
 use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_time::Instant;
 
-use crate::station_file::{ModuleConfig, ModuleKind};
+use ob1_station_file::{ModuleConfig, ModuleKind};
 
 pub use panel::Panel;
 pub use stimulus::Stimulus;
@@ -252,7 +252,7 @@ impl Module for IoModule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::station_file::Absent;
+    use ob1_station_file::Absent;
 
     fn config(name: &str, address: u32, kind: ModuleKind) -> ModuleConfig {
         let name = name.to_owned();

@@ -8,7 +8,7 @@ use ob1_backplane::IoField;
 use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 
-use crate::station_file::{ModuleConfig, ModuleKind};
+use ob1_station_file::{ModuleConfig, ModuleKind};
 
 /// The inputs of a station's process I/O modules.
 #[derive(Clone)]
@@ -71,7 +71,7 @@ mod tests {
 
     use super::*;
     use crate::io::{ProcessIo, Stimulus};
-    use crate::station_file::Absent;
+    use ob1_station_file::Absent;
 
     #[test]
     fn an_input_of_a_module_is_written_into_the_image() {

@@ -12,12 +12,12 @@ use std::collections::BTreeMap;
 use toml::Spanned;
 
 use super::panel;
-use crate::files;
-use crate::finding::{Finding, Level, Spot, Text};
-use crate::station_file::findings::{STIMULUS, unreadable};
-use crate::station_file::{ModuleConfig, parse_duration};
 use ob1_access::Names;
 use ob1_access::value;
+use ob1_station_file::files;
+use ob1_station_file::finding::{Finding, Level, Spot, Text};
+use ob1_station_file::findings::{STIMULUS, unreadable};
+use ob1_station_file::{ModuleConfig, parse_duration};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -235,7 +235,7 @@ mod tests {
         let station = "[station]\nname = \"x\"\n[[module]]\ntype = \"di\"\nname = \"a\"\naddress = 4\nbytes = 2\n\
                        [[module]]\ntype = \"ai\"\nname = \"b\"\naddress = 6\nchannels = 1\n\
                        [[module]]\ntype = \"do\"\nname = \"c\"\naddress = 8\nbytes = 2\n";
-        let station = crate::station_file::parse(station, "x.toml", Path::new("")).expect("good");
+        let station = ob1_station_file::parse(station, "x.toml", Path::new("")).expect("good");
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("s.toml");
         // The first line has what is read: also over the border of two modules.

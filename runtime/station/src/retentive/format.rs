@@ -5,7 +5,7 @@
 
 use bincode::config::{Config, standard};
 
-use crate::files;
+use ob1_station_file::files;
 
 const MAGIC: [u8; 8] = *b"ob1 file";
 const VERSION: u32 = 1;

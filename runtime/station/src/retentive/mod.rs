@@ -6,29 +6,16 @@ pub mod health;
 pub mod keeper;
 pub mod store;
 
-use std::path::PathBuf;
-
 use ob1_cpu::Cpu;
 use ob1_ir::Program;
 use ob1_model::Event;
-use ob1_time::Span;
+use ob1_station_file::RetentiveFile;
 
-use crate::finding::{Finding, Level, Spot};
+use ob1_station_file::finding::{Finding, Level, Spot};
 use store::{Store, StoreError};
 
 /// Number of the finding of [`not_kept`].
 const NOT_RETAINED: &str = "L023";
-
-/// Where and how often retentive memory is written.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RetentiveFile {
-    /// The folder of the retentive files.
-    pub folder: PathBuf,
-    /// Time between two images in RUN.
-    pub every: Span,
-    /// The data blocks that the station file names, each with its place.
-    pub named: Vec<(u16, Spot)>,
-}
 
 /// Data blocks that are named as retentive, while the program says that they are not: they are not kept.
 pub(crate) fn not_kept(program: &Program, file: &RetentiveFile) -> Vec<Finding> {

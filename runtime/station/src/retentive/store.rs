@@ -13,7 +13,7 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
 
 use super::format::{self, Content};
-use crate::files;
+use ob1_station_file::files;
 
 const SLOTS: [&str; 2] = ["a", "b"];
 /// Only the station's user reads and writes them.

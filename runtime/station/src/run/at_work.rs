@@ -42,9 +42,9 @@ use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::{RunDir, RunDirError};
-use crate::station_file::{LinkKind, Station, StationLink};
-use crate::timing::Observer;
 use crate::view::StationView;
+use ob1_station_file::{LinkKind, Station, StationLink};
+use ob1_timing::Observer;
 
 /// Time between two checks of the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);

@@ -1,8 +1,8 @@
 //! Why a run could not begin, or ended badly.
 
 use crate::exit::Exit;
-use crate::finding::Finding;
 use crate::program::LoadFailure;
+use ob1_station_file::finding::Finding;
 
 /// A run that could not begin or end: exit code and what to print.
 #[derive(Debug)]

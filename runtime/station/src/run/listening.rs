@@ -10,7 +10,7 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, 
 
 use super::failure::Failure;
 use crate::exit::Exit;
-use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
+use ob1_station_file::{ConnectionType, LinkKind, Station, StationLink};
 
 /// Connections that may wait to be accepted.
 const CALLERS: i32 = 128;

@@ -21,14 +21,14 @@ use ob1_rt::MonotonicClock;
 use crate::assembly::{self, AssemblyError};
 use crate::drivers::{self, DriverSettings};
 use crate::exit::Exit;
-use crate::finding::{Finding, Level};
 use crate::guardian::{Guardian, Patience, Ward};
 use crate::look;
 use crate::out;
 use crate::posture;
 use crate::program;
 use crate::rundir::{self, RunDir, RunDirError};
-use crate::station_file::{self, Station};
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::{self, Station};
 
 use at_work::AtWork;
 use failure::Failure;
@@ -52,7 +52,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     // A driver of somebody else does not close what it inherits; this process keeps what it was given.
     ob1_process::keep_inherited();
     // Before there is a thread.
-    if let Some(name) = station_file::user_of(&options.station) {
+    if let Some(name) = ob1_station_file::user_of(&options.station) {
         become_user(&name)?;
     }
     console::start_log(options.quiet);

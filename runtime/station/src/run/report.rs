@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use crate::access::protocol::{Diagnostic, Status, Times};
 use crate::exit::Exit;
-use crate::files;
-use crate::timing::{self, Timing};
+use ob1_station_file::files;
+use ob1_timing::{self, Timing};
 
 /// Version of the report's form: raised when a field changes its meaning or goes.
 pub const REPORT_SCHEMA: u32 = 1;
@@ -126,7 +126,7 @@ impl Report {
         row(&mut out, "cycle", &s.cycle);
         row(&mut out, "wake-up", &s.wake);
         row(&mut out, "execution", &s.execution);
-        out += &timing::text::late(&self.timing.late);
+        out += &ob1_timing::text::late(&self.timing.late);
         for grant in s.posture.iter().filter(|g| g.outcome != "granted") {
             let _ = writeln!(out, "{}: {}", grant.what, grant.detail);
             if let Some(remedy) = &grant.remedy {

@@ -20,8 +20,8 @@ use crate::download::Newcomers;
 use crate::engine::InUse;
 use crate::posture;
 use crate::retentive::keeper::ScanEnd;
-use crate::station_file::Realtime;
-use crate::timing::LateSender;
+use ob1_station_file::Realtime;
+use ob1_timing::LateSender;
 
 /// As far away as the kernel lets a thread sleep.
 const FOREVER: Instant = Instant::from_nanos(u64::MAX / 2);

@@ -7,7 +7,7 @@ use ob1_backplane::{CpuSide, Segment};
 use ob1_broker::{Broker, feed};
 use ob1_cpu::{Command, Cpu, Module, OperatingState};
 use ob1_host::module::CpModule;
-use ob1_station::{assembly, program, station_file};
+use ob1_station::{assembly, program};
 use ob1_tests::sim::clock::{LongScan, VirtualClock};
 use ob1_tests::sim::facts::Bare;
 use ob1_tests::sim::life::Life;
@@ -27,7 +27,8 @@ pub(crate) struct Station {
 impl Station {
     pub(crate) fn new(me: usize, folder: &Path, seed: u64, base: time::Instant, late: Span) -> Self {
         let file = text::file(me);
-        let station = station_file::parse(&file, "coupled.toml", folder).unwrap_or_else(|f| panic!("{f:#?}\n{file}"));
+        let station =
+            ob1_station_file::parse(&file, "coupled.toml", folder).unwrap_or_else(|f| panic!("{f:#?}\n{file}"));
         std::fs::write(folder.join(format!("{}.awl", station.name)), text::source(me)).expect("room for a file");
         let needs = "this test needs the plugins that `cargo xtask test` builds; run: cargo xtask test";
         let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:#?}\n{needs}", failure.findings()));
@@ -40,8 +41,14 @@ impl Station {
         let module: Box<dyn Module> = Box::new(CpModule::new(side, Box::new(driver), settings).expect("it fits"));
         let natives = loaded.native_blocks(&assembly::plugin_modules(&station)).expect("blocks");
         let modules = vec![(assembly::slot(config), module)];
-        let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory())
-            .unwrap_or_else(|errors| panic!("{errors:?}"));
+        let mut cpu = Cpu::new(
+            station.cpu.clone(),
+            &loaded.program,
+            natives,
+            modules,
+            ob1_station::engine::factory(station.engine),
+        )
+        .unwrap_or_else(|errors| panic!("{errors:?}"));
         let link = &station.links[0];
         let links = vec![assembly::link_config(link, link.config.clone(), Vec::new())];
         let broker = Broker::new(&mut cpu, links, feed().1, Box::new(Bare)).expect("a broker");

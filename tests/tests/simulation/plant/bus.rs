@@ -13,7 +13,7 @@ use ob1_host::bus::Bus;
 use ob1_host::module::{DriverLink, Life};
 use ob1_host::supervisor::{Exit, Report};
 use ob1_io::{Master, Pump};
-use ob1_station::station_file::Bus as BusOfFile;
+use ob1_station_file::Bus as BusOfFile;
 use ob1_time::Instant;
 
 use super::field::Field;

@@ -5,8 +5,8 @@ use std::path::Path;
 use ob1_cpu::{Cell, Command, Cpu, Module, ModuleSlot, Width};
 use ob1_dp::slave::SlaveConfig;
 use ob1_line::sim::FaultRates;
-use ob1_station::station_file::{self, ModuleKind, Station};
 use ob1_station::{assembly, program};
+use ob1_station_file::{self, ModuleKind, Station};
 use ob1_tests::sim::MS;
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_time::{Instant, Span};
@@ -65,7 +65,7 @@ fn station(folder: &Path, calls: &[Call]) -> Station {
         );
     }
     text += "[[module]]\ntype = \"cp342-5\"\nname = \"cp\"\nbus = \"profi\"\naddress = 256\n";
-    station_file::parse(&text, "press.toml", folder).unwrap_or_else(|findings| panic!("{findings:#?}"))
+    ob1_station_file::parse(&text, "press.toml", folder).unwrap_or_else(|findings| panic!("{findings:#?}"))
 }
 
 pub(crate) struct Plant {
@@ -108,8 +108,14 @@ impl Plant {
         assert_eq!(modules.len(), 1, "the slaves are behind the CP");
         let natives = loaded.native_blocks(&assembly::plugin_modules(&station));
         let natives = natives.unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
-        let mut cpu =
-            Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
+        let mut cpu = Cpu::new(
+            station.cpu.clone(),
+            &loaded.program,
+            natives,
+            modules,
+            ob1_station::engine::factory(station.engine),
+        )
+        .expect("a CPU");
         cpu.request(Command::Run);
         Self { now: Instant::START, due: Instant::START, cpu, bus }
     }

@@ -16,8 +16,8 @@ use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot};
 use ob1_dp::slave::SlaveConfig;
 use ob1_host::bus::Station as OnBus;
 use ob1_line::sim::{FaultRates, SplitMix64};
-use ob1_station::station_file::{self, ModuleKind, Station};
 use ob1_station::{assembly, program};
+use ob1_station_file::{self, ModuleKind, Station};
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_tests::sim::{MS, SECOND};
 use ob1_time::{Instant, Span};
@@ -129,7 +129,7 @@ fn station(folder: &Path, cycle: Span) -> Station {
             n += 1;
         }
     }
-    station_file::parse(&text, "press.toml", folder).unwrap_or_else(|findings| panic!("{findings:#?}"))
+    ob1_station_file::parse(&text, "press.toml", folder).unwrap_or_else(|findings| panic!("{findings:#?}"))
 }
 
 struct World {
@@ -173,8 +173,14 @@ impl World {
             modules.push((slot, hosts[*bus].module(module.clone())));
         }
         let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
-        let mut cpu =
-            Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
+        let mut cpu = Cpu::new(
+            station.cpu.clone(),
+            &loaded.program,
+            natives,
+            modules,
+            ob1_station::engine::factory(station.engine),
+        )
+        .expect("a CPU");
         cpu.request(Command::Run);
         let trouble = Instant::from_millis(500) + rng.span_below(500 * MS);
         Self { now: Instant::START, rng, cpu, due: Instant::START, buses, trouble, judge }

@@ -198,6 +198,33 @@ pub(super) const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
+    // What a station file says; it runs nothing.
+    row(
+        "ob1-station-file",
+        "invariant 2",
+        &[
+            "ob1-access",
+            "ob1-backplane",
+            // Couplers, and GSD files of slaves.
+            "ob1-coupler",
+            "ob1-cpu",
+            "ob1-dp",
+            "ob1-host",
+            "ob1-log",
+            "ob1-model",
+            "ob1-params",
+            "ob1-std",
+            "ob1-stl",
+            "ob1-time",
+            "rustix",
+            "serde",
+            "serde_json",
+            "thiserror",
+            "toml",
+        ],
+    ),
+    // The observer beside the scan; it knows no station.
+    row("ob1-timing", "invariant 2", &["ob1-coupler", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "parking_lot", "rtrb", "serde"]),
     // A running station; it depends on no tool.
     row(
         "ob1-station",
@@ -224,8 +251,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-backplane",
             // Buses: their processes get the settings of the station file.
             "ob1-coupler",
-            // GSD files.
-            "ob1-dp",
+            "ob1-station-file",
+            "ob1-timing",
             "ob1-params",
             // The texts of the events in a CP's diagnostic buffer.
             "ob1-words",
@@ -246,6 +273,8 @@ pub(super) const TABLE: &[Row] = &[
         "invariant 2",
         &[
             "ob1-station",
+            "ob1-station-file",
+            "ob1-timing",
             "ob1-model",
             "ob1-ir",
             "ob1-stl",

@@ -7,7 +7,7 @@ use super::super::report::{Interval, Report};
 use super::chart::{Axis, Chart};
 use crate::statistics::quantile;
 use crate::units::{amount, time};
-use ob1_station::timing::snapshot::Spread;
+use ob1_timing::snapshot::Spread;
 
 /// Bars to a decade.
 const FINE: f64 = 20.0;

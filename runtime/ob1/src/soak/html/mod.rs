@@ -176,7 +176,7 @@ fn late(out: &mut String, r: &Report) {
     table(out, &["scan", "at", "began late", "took", "class", "what", "of it", "evidence"], entries);
 }
 
-fn evidence(e: &ob1_station::timing::Evidence) -> String {
+fn evidence(e: &ob1_timing::Evidence) -> String {
     format!(
         "window {}: waited {}, steal {}, switches {}, faults {}+{}",
         time(e.window.nanos() as f64),

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::soak::report::{Brief, CellLedger, Interval};
-use ob1_station::timing::Timing;
+use ob1_timing::Timing;
 
 /// A report with these wake-up times, each so many times, and intervals whose memory grows by so much each minute.
 fn report(wake: &[(u64, u64)], growth: u64) -> Report {

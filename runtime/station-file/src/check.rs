@@ -13,11 +13,11 @@ use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Plugin, Realtime, Station};
 use super::values::{choice, name, number, place, places, time};
 use super::{connection, interrupts, link, modules, retentive, simulated};
-use crate::block_name::parse_block;
-use crate::engine::EngineChoice;
+use crate::EngineChoice;
 use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
 use crate::sources::{Mnemonics, Sources};
+use ob1_access::block_name::parse_block;
 
 /// The station, and warnings about it.
 pub(super) fn check(

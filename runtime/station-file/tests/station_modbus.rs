@@ -4,8 +4,8 @@ mod mistakes;
 
 use std::path::Path;
 
-use ob1_station::finding::Finding;
-use ob1_station::station_file::{Station, parse};
+use ob1_station_file::finding::Finding;
+use ob1_station_file::{Station, parse};
 
 const GOOD: &str = r#"[station]
 name = "press"

@@ -10,9 +10,9 @@ use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 use ob1_time::Span;
 
 use super::line::Line;
-use crate::engine::EngineChoice;
+use crate::EngineChoice;
+use crate::RetentiveFile;
 use crate::finding::Spot;
-use crate::retentive::RetentiveFile;
 use crate::sources::Sources;
 
 /// Registers of a CP 342-5 in the address space, each way; nothing is in them.
@@ -214,7 +214,7 @@ pub struct FaultRates {
 
 impl SimulatedLine {
     /// Adds faults to `rate` of a million characters, in equal parts of each kind, on another course.
-    pub(crate) fn disturb(&mut self, rate: u32, seed: u64) {
+    pub fn disturb(&mut self, rate: u32, seed: u64) {
         self.seed ^= seed;
         let FaultRates { flip, lose, double, delay, parity, framing, break_, .. } = &mut self.faults;
         let mut kinds = [flip, lose, double, delay, parity, framing, break_];

@@ -13,8 +13,19 @@ use super::duration::parse_duration;
 use super::findings::{CONTRADICTION, Findings, VALUE};
 use super::tables::{Placed, RetentiveTable, StationTable};
 use super::types::{LinkKind, StationLink};
-use crate::block_name::parse_block;
-use crate::retentive::RetentiveFile;
+use crate::finding::Spot;
+use ob1_access::block_name::parse_block;
+
+/// Where and how often retentive memory is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RetentiveFile {
+    /// The folder of the retentive files.
+    pub folder: PathBuf,
+    /// Time between two images in RUN.
+    pub every: Span,
+    /// The data blocks that the station file names, each with its place.
+    pub named: Vec<(u16, Spot)>,
+}
 
 /// Time between two images, when the file does not say it.
 const EVERY: Span = Span::from_secs(1);

@@ -1,8 +1,8 @@
 //! Mistakes of a station file, as rows: what is written instead of what, in which line it is found, what is reported,
 //! and what helps.
 
-use ob1_station::finding::Finding;
-use ob1_station::station_file::Station;
+use ob1_station_file::Station;
+use ob1_station_file::finding::Finding;
 
 pub(crate) type Row<'a> = (&'a str, &'a str, u32, &'a str, &'a str);
 

@@ -214,7 +214,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::station_file::parse;
+    use crate::parse;
 
     fn station(connection: &str) -> String {
         format!(

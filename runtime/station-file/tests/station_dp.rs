@@ -4,8 +4,8 @@ mod mistakes;
 
 use std::path::{Path, PathBuf};
 
-use ob1_station::finding::Finding;
-use ob1_station::station_file::{ModuleKind, Station, parse};
+use ob1_station_file::finding::Finding;
+use ob1_station_file::{ModuleKind, Station, parse};
 
 /// With the GSD file of a simulated ET 200M.
 const GOOD: &str = r#"[station]

@@ -6,9 +6,9 @@ use std::fmt;
 use ob1_model::BlockId;
 use ob1_std::{Origin, StandardBlock, standard_block, standard_blocks};
 
-use crate::block_name::parse_block;
 use crate::finding::{Finding, Level, nearest};
-use crate::station_file::findings::TWICE;
+use crate::findings::TWICE;
+use ob1_access::block_name::parse_block;
 
 /// A standard block under the number a program has for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,7 +39,7 @@ impl Choice {
     }
 
     /// The block of the library; `None`: this version does not have it.
-    pub(crate) fn block(&self) -> Option<StandardBlock> {
+    pub fn block(&self) -> Option<StandardBlock> {
         standard_block(&self.key)
     }
 }
@@ -111,14 +111,14 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
 }
 
 /// The system blocks of an S7-400 that a plugin serves, where `chosen` does not have them already.
-pub(crate) fn of_s7_400(chosen: &[Choice]) -> Vec<Choice> {
+pub fn of_s7_400(chosen: &[Choice]) -> Vec<Choice> {
     let all = whole(Origin::S7_400.name()).unwrap_or_default();
     all.into_iter().filter(|choice| !chosen.iter().any(|other| other.id == choice.id)).collect()
 }
 
 /// Whether a block of a plugin, under its own number, is one of this CPU: an S7-300 does not have the system blocks of
 /// an S7-400 unless they are chosen.
-pub(crate) fn is_of_this_cpu(id: BlockId, chosen: &[Choice]) -> bool {
+pub fn is_of_this_cpu(id: BlockId, chosen: &[Choice]) -> bool {
     let key = format!("{}:{}{}", Origin::S7_400.name(), id.kind.name(), id.number);
     standard_block(&key).is_none_or(|block| chosen.iter().any(|choice| choice.key == block.key()))
 }

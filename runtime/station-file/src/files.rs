@@ -10,11 +10,11 @@ use std::path::Path;
 pub const LONGEST: u64 = 64 << 20;
 
 /// Why a FIFO is not read.
-pub(crate) const NO_FILE: &str = "it is a FIFO, not a file";
+pub const NO_FILE: &str = "it is a FIFO, not a file";
 
 /// True for a FIFO in a folder: opening it waits for a writer, perhaps for ever. A pipe that a shell makes
 /// (`/dev/stdin`, `<(...)`) is in no folder, and it has a writer.
-pub(crate) fn is_fifo(path: &Path) -> bool {
+pub fn is_fifo(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|file| file.file_type().is_fifo()) && fs::canonicalize(path).is_ok()
 }
 
@@ -84,7 +84,7 @@ pub fn write(path: &Path, content: &[u8]) -> io::Result<()> {
 ///
 /// # Errors
 /// What the system says of writing or renaming, as with [`replace`]; `path` is then as it was.
-pub(crate) fn replace_by(beside: &Path, path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
+pub fn replace_by(beside: &Path, path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
     let written = fresh(beside, mode).and_then(|mut file| {
         file.write_all(content)?;
         file.sync_all()?;
@@ -99,18 +99,18 @@ pub(crate) fn replace_by(beside: &Path, path: &Path, content: &[u8], mode: u32) 
 }
 
 /// A new file; what stands in its place, whatever it is, is removed and never written into.
-pub(crate) fn fresh(path: &Path, mode: u32) -> io::Result<File> {
+pub fn fresh(path: &Path, mode: u32) -> io::Result<File> {
     let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
     OpenOptions::new().write(true).create_new(true).mode(mode).open(path)
 }
 
 /// The checksum of what is kept in files: FNV-1a, 64 bits.
-pub(crate) fn checksum(bytes: impl IntoIterator<Item = u8>) -> u64 {
+pub fn checksum(bytes: impl IntoIterator<Item = u8>) -> u64 {
     bytes.into_iter().fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
 }
 
 /// What was renamed or removed there outlasts a power failure.
-pub(crate) fn sync_folder_of(path: &Path) -> io::Result<()> {
+pub fn sync_folder_of(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     File::open(folder)?.sync_all()
 }

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use ob1_coupler::config::Span;
 use ob1_coupler::gpio::{Bias, Drive, GpioLine};
-use ob1_station::finding::Finding;
-use ob1_station::station_file::{Station, parse};
+use ob1_station_file::finding::Finding;
+use ob1_station_file::{Station, parse};
 
 const GOOD: &str = r#"[station]
 name = "press"

@@ -15,16 +15,22 @@ mod dp;
 mod dp_master;
 mod duration;
 mod elsewhere;
+mod engine;
+pub mod files;
+pub mod finding;
 pub mod findings;
 mod gpio;
 mod interrupts;
 mod keyed;
+pub mod library;
 mod line;
 mod link;
 mod modules;
+pub mod program_files;
 mod remote;
 mod retentive;
 mod simulated;
+pub mod sources;
 mod tables;
 mod types;
 mod values;
@@ -33,7 +39,9 @@ pub use check::standard;
 
 pub use connection::ISO_PORT;
 pub use duration::parse_duration;
+pub use engine::EngineChoice;
 pub use line::{Line, LineError};
+pub use retentive::RetentiveFile;
 pub use types::*;
 pub use values::{NAME_RULE, choice, is_name, places};
 
@@ -41,7 +49,6 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::finding::{Finding, Level, Text};
-use crate::{files, program_files};
 
 /// Reads and checks a station file.
 ///
@@ -51,8 +58,8 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
     parse(&read(path)?, &path.display().to_string(), folder_of(path))
 }
 
-/// The same with warnings for what is not there now, such as serial devices. [`crate::look`] reads the files beside it,
-/// too.
+/// The same with warnings for what is not there now, such as serial devices. `ob1_station::look` reads the files beside
+/// it, too.
 ///
 /// # Errors
 /// All findings, at least one of them an error.

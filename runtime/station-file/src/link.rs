@@ -386,8 +386,8 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::station_file::parse;
-    use crate::station_file::tables::StationFile;
+    use crate::parse;
+    use crate::tables::StationFile;
 
     fn station(keys: &str) -> String {
         format!(

@@ -1,13 +1,13 @@
 //! Station files and what is said about them: each `tests/station/NAME.toml` against `NAME.txt`.
 //!
-//! `OB1_UPDATE=1 cargo test -p ob1-station --test station_files` rewrites the texts; look at the difference before you
+//! `OB1_UPDATE=1 cargo test -p ob1-station-file --test station_files` rewrites the texts; look at the difference before you
 //! commit it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
-use ob1_station::station_file::Station;
+use ob1_station_file::Station;
 
 fn files() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/station");
@@ -35,7 +35,7 @@ fn describe(mut station: Station) -> String {
 fn answer(path: &Path) -> String {
     let text = std::fs::read_to_string(path).expect("readable");
     let name = path.file_name().expect("a file").to_string_lossy();
-    match ob1_station::station_file::parse(&text, &name, Path::new("/station")) {
+    match ob1_station_file::parse(&text, &name, Path::new("/station")) {
         Ok(station) => describe(station),
         Err(findings) => {
             assert!(!findings.is_empty(), "{name}: refused without a reason");
@@ -55,7 +55,7 @@ fn many_modules_are_read() {
         for n in 0..modules {
             let _ = write!(text, "[[module]]\ntype = \"do\"\nname = \"m{n}\"\naddress = {n}\nbytes = 1\n");
         }
-        let station = ob1_station::station_file::parse(&text, "many.toml", Path::new("."));
+        let station = ob1_station_file::parse(&text, "many.toml", Path::new("."));
         station.map(|station| station.modules.len()).map_err(|found| (found.len(), found[200].message.clone()))
     };
     assert_eq!(read(16_384), Ok(16_384));
@@ -86,7 +86,7 @@ fn every_station_file_gets_its_answer() {
 fn the_examples_are_good() {
     for name in ["two-stations/station-a.toml", "two-stations/station-b.toml"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name);
-        let station = ob1_station::station_file::load(&path).unwrap_or_else(|findings| panic!("{findings:?}"));
+        let station = ob1_station_file::load(&path).unwrap_or_else(|findings| panic!("{findings:?}"));
         assert_eq!(station.modules.len(), 1, "{name}");
         assert!(station.program.files.iter().all(|s| s.exists()), "{name}");
     }
@@ -99,7 +99,7 @@ fn said_of(module: &str) -> Vec<(String, u32, String)> {
     let head = "[station]\nname = \"s\"\n[program]\nsources = []\n[[simulated_line]]\nname = \"l\"\n";
     let text = format!("{head}[[module]]\nname = \"x\"\naddress = 256\nline = \"sim:l\"\n{module}");
     std::fs::write(&path, text).expect("writable");
-    let found = match ob1_station::look::load(&path) {
+    let found = match ob1_station_file::load_and_look(&path) {
         Ok((_, warnings)) => warnings,
         Err(errors) => errors,
     };
