@@ -39,8 +39,8 @@ pub fn listing(block: &CodeBlock, lines: &[&str]) -> Listing {
 const COMPONENTS: usize = 50_000;
 const DECLARATION: u32 = 64 * 1024;
 
-/// Names by addresses in a set of mnemonics: the symbols, of whichever set their table is, and the components of the data
-/// blocks (`DB12.DBX 0.1`: `"Alarms".pump`). Those of very long declarations are left out.
+/// Names by addresses in a set of mnemonics: the symbols, of whichever set their table is, and the components of the
+/// data blocks (`DB12.DBX 0.1`: `"Alarms".pump`). Those of very long declarations are left out.
 #[must_use]
 pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, String> {
     let symbols = program.symbols.iter();

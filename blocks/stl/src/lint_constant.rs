@@ -1,5 +1,5 @@
-//! Constants that are legal here, and another thing than meant: a TIME for a timer, whose bits are no BCD number or that
-//! of another time; a long number without `L#`, which STEP 7 refuses.
+//! Constants that are legal here, and another thing than meant: a TIME for a timer, whose bits are no BCD number or
+//! that of another time; a long number without `L#`, which STEP 7 refuses.
 
 use ob1_ir::Op;
 

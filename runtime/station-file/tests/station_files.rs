@@ -1,7 +1,7 @@
 //! Station files and what is said about them: each `tests/station/NAME.toml` against `NAME.txt`.
 //!
-//! `OB1_UPDATE=1 cargo test -p ob1-station-file --test station_files` rewrites the texts; look at the difference before you
-//! commit it.
+//! `OB1_UPDATE=1 cargo test -p ob1-station-file --test station_files` rewrites the texts; look at the difference before
+//! you commit it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -127,8 +127,8 @@ impl Translation<'_, '_> {
 
     /// A safe point before statement `statement`: reads the clock and checks what is due, if it is time.
     ///
-    /// What waits to be written is written only if the safe point looks; after that everything is read again. The stacks
-    /// of a CPU that goes to STOP here have the registers of `told`.
+    /// What waits to be written is written only if the safe point looks; after that everything is read again. The
+    /// stacks of a CPU that goes to STOP here have the registers of `told`.
     pub(crate) fn safe_point(&mut self, statement: usize, told: flow::Set) {
         let uncounted = self.body.uncounted(statement);
         self.count(uncounted);

@@ -298,6 +298,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-trace",
             // `ob1 upload` is a client of S7 communication.
             "ob1-s7",
+            "chrono",
             "clap",
             // Loads of a soak test.
             "fastrand",
