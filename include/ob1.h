@@ -23,13 +23,13 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // The minor version: grows with additions. 1: a plugin's block may be an SFB or an SFC.
 #define OB1_ABI_MINOR 1
 
-// Block kinds, `BlockDesc::kind`.
+// Block kinds, `BlockDesc::kind`: organization block.
 #define OB1_KIND_OB 0
 
-// Function block.
+// Function block: it has an instance data block.
 #define OB1_KIND_FB 1
 
-// Function.
+// Function: a block without instance.
 #define OB1_KIND_FC 2
 
 // System function block. Of a plugin's own blocks since 1.1.
@@ -38,13 +38,13 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // System function. Of a plugin's own blocks since 1.1.
 #define OB1_KIND_SFC 4
 
-// Sections, `ParamDesc::section`: `VAR_INPUT`.
+// Sections, `ParamDesc::section`: `VAR_INPUT`, read by the block.
 #define OB1_SECTION_IN 0
 
-// `VAR_OUTPUT`.
+// `VAR_OUTPUT`, written by the block.
 #define OB1_SECTION_OUT 1
 
-// `VAR_IN_OUT`.
+// `VAR_IN_OUT`, read and written by the block.
 #define OB1_SECTION_IN_OUT 2
 
 // Instance data of an FB or SFB that is not a parameter.
@@ -56,10 +56,10 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // Areas of `HostTable::area_read`: inputs (process image).
 #define OB1_AREA_E 0
 
-// Outputs (process image).
+// Outputs A (Q), in the process image.
 #define OB1_AREA_A 1
 
-// Bit memory.
+// Bit memory M, by byte address.
 #define OB1_AREA_M 2
 
 // A data block, by number.
@@ -74,25 +74,25 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // Timer kinds of `HostTable::timer_run`: `SI`, pulse.
 #define OB1_TIMER_PULSE 0
 
-// `SV`, extended pulse.
+// `SV`, extended pulse: runs its whole time.
 #define OB1_TIMER_EXTENDED_PULSE 1
 
-// `SE`, on-delay.
+// `SE`, on-delay: needs 1 while it runs.
 #define OB1_TIMER_ON_DELAY 2
 
-// `SS`, retentive on-delay.
+// `SS`, retentive on-delay: runs on without its 1.
 #define OB1_TIMER_RETENTIVE_ON_DELAY 3
 
-// `SA`, off-delay.
+// `SA`, off-delay: starts when the 1 goes.
 #define OB1_TIMER_OFF_DELAY 4
 
-// Log levels: error.
+// Log levels, `HostTable::log`: something does not work.
 #define OB1_LOG_ERROR 1
 
-// Warning.
+// Warning: something is odd, and work goes on.
 #define OB1_LOG_WARN 2
 
-// Information.
+// Information: something happened, as it should.
 #define OB1_LOG_INFO 3
 
 // Longest text of `HostTable::log` and `HostTable::diag_entry` in bytes; the rest is cut.
@@ -154,19 +154,19 @@ typedef int32_t Ob1Status;
 struct Ob1Text {
   // First byte; may be null when `len` is 0.
   const uint8_t *ptr;
-  // Bytes.
+  // Length of the text in bytes.
   uint32_t len;
 };
 
 // A parameter or an instance variable of a block.
 struct Ob1ParamDesc {
-  // `sizeof` this struct.
+  // `sizeof` this struct in the plugin.
   uint32_t size;
-  // The manual's name.
+  // Name of the parameter, as the manual prints it.
   struct Ob1Text name;
   // Other spellings, separated by `|`.
   struct Ob1Text aliases;
-  // `SECTION_*`.
+  // Where it is declared: a value of `SECTION_*`.
   uint8_t section;
   // A value of `ty`.
   uint8_t ty;
@@ -185,11 +185,11 @@ struct Ob1InstanceInfo {
   uint32_t size;
   // The instance data block's number.
   uint16_t db;
-  // Must be ignored.
+  // Padding; a plugin must ignore it.
   uint16_t reserved;
   // First byte of this instance in the data block (0 except for multi-instances).
   uint32_t offset;
-  // Bytes.
+  // Length of the instance in bytes.
   uint32_t len;
 };
 
@@ -219,7 +219,7 @@ struct Ob1TimerInfo {
 struct Ob1ModuleInfo {
   // `sizeof` this struct, set by the caller.
   uint32_t size;
-  // Logical base address.
+  // Logical base address, as LADDR gives it.
   uint16_t address;
   // Bytes of its input registers.
   uint16_t input_bytes;
@@ -227,7 +227,7 @@ struct Ob1ModuleInfo {
   uint16_t output_bytes;
   // 1 while its driver answers.
   uint8_t present;
-  // Must be ignored.
+  // Padding; a plugin must ignore it.
   uint8_t reserved;
   // Counts the driver's starts; a changed number means that everything the driver held is gone.
   uint32_t generation;
@@ -243,7 +243,7 @@ struct Ob1CallArg {
   uint16_t db;
   // Bit address (byte * 8 + bit) of an operand.
   uint32_t bit_address;
-  // The value, right-aligned.
+  // The value, right-aligned; of an operand it is ignored.
   uint32_t value;
 };
 
@@ -253,9 +253,9 @@ struct Ob1ObInfo {
   uint32_t size;
   // Number of the running OB.
   uint16_t number;
-  // Its priority class.
+  // Its priority class; OB 1 has 1.
   uint8_t priority;
-  // Must be ignored.
+  // Padding; a plugin must ignore it.
   uint8_t reserved;
   // The 20 bytes of start information as they lie in the OB's local data.
   uint8_t start[20];
@@ -265,11 +265,11 @@ struct Ob1ObInfo {
 // before they return. Values of parameters and cells are numbers, not bytes in memory order, wherever a `u32` is
 // passed.
 struct Ob1HostTable {
-  // `sizeof` this struct.
+  // `sizeof` this struct in the host: a newer host has more functions at its end.
   uint32_t size;
-  // The host's `ABI_MAJOR`.
+  // `ABI_MAJOR` the host was built with.
   uint16_t abi_major;
-  // The host's `ABI_MINOR`.
+  // `ABI_MINOR` the host was built with.
   uint16_t abi_minor;
   // Value of the actual of formal `index`, up to 32 bits wide; BOOL as 0/1; the number of a timer, counter or block.
   Ob1Status (*param_get)(struct Ob1CallContext *call, uint32_t index, uint32_t *value);
@@ -298,7 +298,7 @@ struct Ob1HostTable {
                           uint32_t len);
   // Reads a bit (byte * 8 + bit).
   Ob1Status (*bit_get)(struct Ob1CallContext *call, uint8_t area, uint16_t db, uint32_t bit_address, uint8_t *value);
-  // Writes a bit.
+  // Writes a bit (byte * 8 + bit), 0 or 1.
   Ob1Status (*bit_set)(struct Ob1CallContext *call, uint8_t area, uint16_t db, uint32_t bit_address, uint8_t value);
   // Length of an area in bytes. `NO_DB`, `DB_NUMBER` for data blocks that are not there.
   Ob1Status (*area_len)(struct Ob1CallContext *call, uint8_t area, uint16_t db, uint32_t *len);
@@ -311,9 +311,9 @@ struct Ob1HostTable {
   // Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge
   // of `rlo` between two calls starts it. `s5time` is an S5TIME.
   Ob1Status (*timer_run)(struct Ob1CallContext *call, uint16_t number, uint8_t kind, uint8_t rlo, uint16_t s5time);
-  // Resets a timer.
+  // Stops a timer and sets its time and output to 0, as `R T` does.
   Ob1Status (*timer_reset)(struct Ob1CallContext *call, uint16_t number);
-  // Reads a timer.
+  // Reads a timer without changing it.
   Ob1Status (*timer_get)(struct Ob1CallContext *call, uint16_t number, struct Ob1TimerInfo *info);
   // Reads a counter, 0 to 999.
   Ob1Status (*counter_get)(struct Ob1CallContext *call, uint16_t number, uint16_t *value);
@@ -337,7 +337,7 @@ struct Ob1HostTable {
                            uint8_t *into,
                            uint32_t len,
                            uint32_t *read);
-  // Writes a record.
+  // Writes a whole record (data set) of the module at a logical base address.
   Ob1Status (*record_write)(struct Ob1CallContext *call,
                             uint32_t address,
                             uint8_t record,
@@ -377,11 +377,11 @@ typedef Ob1Status (*Ob1BlockEntry)(const struct Ob1HostTable *host, struct Ob1Ca
 
 // A block of a plugin.
 struct Ob1BlockDesc {
-  // `sizeof` this struct.
+  // `sizeof` this struct in the plugin.
   uint32_t size;
   // `KIND_*`; `KIND_SFB` and `KIND_SFC` since 1.1.
   uint8_t kind;
-  // Must be 0.
+  // Padding; a plugin must set it to 0.
   uint8_t reserved;
   // The number it wants; a station file may give it another.
   uint16_t number;
@@ -396,13 +396,13 @@ struct Ob1BlockDesc {
   // Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
   // bytes, given to `entry`. 0: `state` is null. Data that must survive belongs in the instance data block.
   uint32_t state_size;
-  // The code.
+  // The code of the block; it runs on the scan thread.
   Ob1BlockEntry entry;
 };
 
 // What `ENTRY_SYMBOL` returns. Static data of the plugin.
 struct Ob1PluginTable {
-  // `sizeof` this struct.
+  // `sizeof` this struct in the plugin.
   uint32_t size;
   // `ABI_MAJOR` the plugin was built with.
   uint16_t abi_major;
@@ -412,9 +412,9 @@ struct Ob1PluginTable {
   struct Ob1Text name;
   // The plugin's version, `0.1.0`.
   struct Ob1Text version;
-  // Blocks.
+  // The first of `block_count` blocks, one after the other.
   const struct Ob1BlockDesc *blocks;
-  // Number of blocks.
+  // Number of blocks at `blocks`.
   uint32_t block_count;
   // Bytes of memory the plugin keeps per module it serves (`HostTable::module_state`): zeroed at every start-up.
   uint32_t module_state_size;
@@ -430,7 +430,7 @@ typedef const struct Ob1PluginTable *(*Ob1PluginEntry)(void);
 
 // What `EXTENSION_SETTINGS` names. Lives as long as the host.
 struct Ob1SettingsTable {
-  // `sizeof` this struct.
+  // `sizeof` this struct in the host.
   uint32_t size;
   // A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station
   // file does not give it, or gives it as a text.
@@ -445,7 +445,7 @@ struct Ob1SettingsTable {
                         uint32_t *read);
 };
 
-// Done.
+// Success: the function or the block has done its work.
 #define OB1_OK 0
 
 // The CPU is going to STOP (or a higher priority asked to end this call): return this value at once.
