@@ -30,7 +30,7 @@ pub(crate) fn agree_data(compiled: &CompiledInterface, components: &[Component])
 }
 
 /// The same type, except for names.
-fn alike(a: &DataType, b: &DataType) -> bool {
+pub(crate) fn alike(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
         (DataType::Struct(_), DataType::Struct(b)) if is_unknown(b) => true,
         (DataType::Struct(a), DataType::Struct(b)) => {
