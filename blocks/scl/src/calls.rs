@@ -329,15 +329,19 @@ impl<'c> Checker<'c> {
             return self.coerced(value, to);
         }
         let fits = match (to, value.ty) {
-            (DataType::Any | DataType::Pointer, _) => true,
-            (DataType::String(_), DataType::String(_)) => true,
+            (DataType::Any | DataType::Pointer, _) => {
+                if !matches!(value.kind, Kind::Var(_) | Kind::Bytes(_) | Kind::Block(Number::Fixed(_))) {
+                    let message = format!("{} of {id} leads to a variable: it takes one, and no value", formal.name);
+                    self.report(value.span, &codes::ACTUAL, message);
+                    return None;
+                }
+                true
+            }
+            (DataType::String(_), DataType::String(_) | DataType::Char) => true,
             (a, b) if a.is_parameter_type() => a == b || matches!(a, DataType::TimerOrWord),
             (a, b) if a.is_composed() => same(a, b),
             _ => return self.coerced(value, to),
         };
-        if *to == DataType::String(254) && *value.ty == DataType::Char {
-            return self.coerced(value, to);
-        }
         if !fits {
             let message = format!(
                 "{} of {id} is {}, this is {}",

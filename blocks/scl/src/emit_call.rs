@@ -166,7 +166,7 @@ impl Code {
         let byte = |place| Arg::Operand(Operand { width: Width::Byte, place });
         match &value.kind {
             Kind::Bytes(bytes) => Arg::Bytes(bytes.clone().into()),
-            Kind::Var(_) if *value.ty == DataType::Char => {
+            _ if *value.ty == DataType::Char => {
                 let at = self.take(4);
                 self.assign(&in_local(at), &DataType::String(2), value);
                 byte(Place::Fixed(Area::Local, at))

@@ -172,6 +172,15 @@ impl Code {
     fn assign_text(&mut self, target: &Var<'_>, max: u8, value: &Typed<'_>) {
         let temporary = matches!(target.base, Base::Fixed(Area::Local)) && target.is_direct();
         match &value.kind {
+            _ if *value.ty == DataType::Char => {
+                self.value(value);
+                let kept = self.temp(Width::Byte);
+                self.op(Op::Transfer(kept));
+                let place = self.place(target);
+                self.write_bytes(place, 0, &[max, 1]);
+                self.op(Op::Load(kept));
+                self.op(Op::Transfer(Operand { width: Width::Byte, place: beyond(place, 2) }));
+            }
             Kind::Bytes(bytes) => {
                 let length = bytes.get(1).copied().unwrap_or(0).min(max);
                 let text = bytes.get(2..2 + usize::from(length)).unwrap_or_default();
@@ -197,16 +206,6 @@ impl Code {
                     Some(Place::Fixed(_, at)) => self.join(&in_local(at), target),
                     _ => self.lose(),
                 }
-            }
-            Kind::Var(source) if *value.ty == DataType::Char => {
-                let operand = self.operand(source, value.ty);
-                self.op(Op::Load(operand));
-                let kept = self.temp(Width::Byte);
-                self.op(Op::Transfer(kept));
-                let place = self.place(target);
-                self.write_bytes(place, 0, &[max, 1]);
-                self.op(Op::Load(kept));
-                self.op(Op::Transfer(Operand { width: Width::Byte, place: beyond(place, 2) }));
             }
             Kind::Var(source) => {
                 if temporary {

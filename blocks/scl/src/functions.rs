@@ -200,6 +200,10 @@ impl<'c> Checker<'c> {
     /// `X_TO_Y` of elementary types.
     fn conversion(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
         let (from, to) = name.split_once("_TO_")?;
+        // Those that are blocks.
+        if OF_FUNCTIONS.iter().any(|(function, _)| *function == name) {
+            return None;
+        }
         // The bits of a REAL are those of a DWORD; of a UDINT the value is meant.
         let of_udint = match (from, to) {
             ("UDINT", "REAL") => Some(Unsigned::ToReal),

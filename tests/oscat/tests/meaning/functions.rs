@@ -32,7 +32,7 @@ fn lines_1_and_2_numbers_and_choices() {
         ("8.2 MAX of TIME", "t : TIME;", "t := T#1s; MD100 := DINT_TO_DWORD(TIME_TO_DINT(MAX(IN1 := t, IN2 := T#2s)));", 2000),
     ]);
     refused(
-        "FC1",
+        "FC900",
         &[
             ("8.2 a parameter is missing", "a : INT;", "a := SEL(G := TRUE, IN0 := 1);", &["S2408"]),
             ("8.2 a parameter is empty", "a : INT;", "a := MAX(IN1 := , IN2 := 1);", &["S2408"]),
@@ -90,23 +90,23 @@ fn line_9_blocks_of_elements() {
         t : Array[0..2] of String[9]; i, n : Int; u : UInt;";
     const FILLED: &str = "FOR #i := 0 TO 7 DO #a[#i] := #i + 1; END_FOR;";
     for (line, statements, expected) in [
-        ("8.9 MOVE_BLK", "MOVE_BLK(IN := #a[2], COUNT := 3, OUT => #b[1]); MD100 := #b[1] * 1000 + #b[3] * 10 + #b[4];", 3050),
-        ("8.9 the count is a variable", "#u := 8; MOVE_BLK(IN := #a[0], COUNT := #u, OUT => #b[1]); MD100 := #b[8];", 8),
-        ("8.9 the index is a variable", "#i := 6; MOVE_BLK(IN := #a[#i], COUNT := 2, OUT => #b[#i + 1]); MD100 := #b[8] * 10 + #b[7];", 87),
-        ("8.9 whole arrays", "MOVE_BLK(IN := #a, COUNT := 8, OUT => #b); MD100 := #b[8] * 10 + #b[1];", 81),
-        ("8.9 beyond IN: nothing, ENO 0", "#u := 3; MOVE_BLK(IN := #a[6], COUNT := #u, OUT => #b[1]); MD100 := #b[1]; M100.0 := ENO;", 0),
-        ("8.9 beyond OUT: nothing, ENO 0", "#i := 7; MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #b[#i]); MD100 := #b[7]; M100.0 := ENO;", 0),
-        ("8.9 before OUT: nothing", "#i := 0; MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #b[#i]); MD100 := #b[1]; M100.0 := ENO;", 0),
+        ("8.9 MOVE_BLK", "MOVE_BLK(IN := #a[2], COUNT := 3, OUT => #b[1]); MW102 := #b[1] * 1000 + #b[3] * 10 + #b[4];", 3050),
+        ("8.9 the count is a variable", "#u := 8; MOVE_BLK(IN := #a[0], COUNT := #u, OUT => #b[1]); MW102 := #b[8];", 8),
+        ("8.9 the index is a variable", "#i := 6; MOVE_BLK(IN := #a[#i], COUNT := 2, OUT => #b[#i + 1]); MW102 := #b[8] * 10 + #b[7];", 87),
+        ("8.9 whole arrays", "MOVE_BLK(IN := #a, COUNT := 8, OUT => #b); MW102 := #b[8] * 10 + #b[1];", 81),
+        ("8.9 beyond IN: nothing, ENO 0", "#u := 3; MOVE_BLK(IN := #a[6], COUNT := #u, OUT => #b[1]); MW102 := #b[1]; M100.0 := ENO;", 0),
+        ("8.9 beyond OUT: nothing, ENO 0", "#i := 7; MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #b[#i]); MW102 := #b[7]; M100.0 := ENO;", 0),
+        ("8.9 before OUT: nothing", "#i := 0; MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #b[#i]); MW102 := #b[1]; M100.0 := ENO;", 0),
         ("8.9 ENO 1", "MOVE_BLK(IN := #a[0], COUNT := 1, OUT => #b[1]); MD100 := 0; M103.0 := ENO;", 1),
-        ("8.9 no element", "#n := 0; MOVE_BLK(IN := #a[0], COUNT := #n, OUT => #b[1]); MD100 := #b[1]; M103.0 := ENO;", 1),
-        ("8.9 upwards within one array", "MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #a[1]); MD100 := #a[3];", 1),
+        ("8.9 no element", "#n := 0; MOVE_BLK(IN := #a[0], COUNT := #n, OUT => #b[1]); MW102 := #b[1]; M103.0 := ENO;", 1),
+        ("8.9 upwards within one array", "MOVE_BLK(IN := #a[0], COUNT := 3, OUT => #a[1]); MW102 := #a[3];", 1),
         ("8.9 BOOL", "#x[3] := TRUE; MOVE_BLK(IN := #x[1], COUNT := 5, OUT => #y[9]); MD100 := 0; M103.0 := #y[11]; M103.1 := #y[10];", 1),
-        ("8.9 STRING", "#t[1] := 'abcdef'; MOVE_BLK(IN := #t[1], COUNT := 1, OUT => #s[2]); MB103 := LEN(#s[2]); MD100 := MD100 AND 16#FF;", 4),
-        ("8.9 UMOVE_BLK", "UMOVE_BLK(IN := #a[7], COUNT := 1, OUT => #b[1]); MD100 := #b[1];", 8),
-        ("8.9 FILL_BLK", "FILL_BLK(IN := 5, COUNT := 3, OUT => #b[2]); MD100 := #b[1] * 1000 + #b[2] * 100 + #b[4] * 10 + #b[5];", 550),
-        ("8.9 FILL_BLK calculates its value once", "FILL_BLK(IN := #a[2] + #a[0], COUNT := 8, OUT => #a[0]); MD100 := #a[0] * 10 + #a[7];", 44),
+        ("8.9 STRING", "#t[1] := 'abcdef'; MOVE_BLK(IN := #t[1], COUNT := 1, OUT => #s[2]); MW102 := LEN(#s[2]);", 4),
+        ("8.9 UMOVE_BLK", "UMOVE_BLK(IN := #a[7], COUNT := 1, OUT => #b[1]); MW102 := #b[1];", 8),
+        ("8.9 FILL_BLK", "FILL_BLK(IN := 5, COUNT := 3, OUT => #b[2]); MW102 := #b[1] * 1000 + #b[2] * 100 + #b[4] * 10 + #b[5];", 550),
+        ("8.9 FILL_BLK calculates its value once", "FILL_BLK(IN := #a[2] + #a[0], COUNT := 8, OUT => #a[0]); MW102 := #a[0] * 10 + #a[7];", 44),
         ("8.9 UFILL_BLK", "UFILL_BLK(IN := TRUE, COUNT := 3, OUT => #y[1]); MD100 := 0; M103.0 := #y[3]; M103.1 := #y[4];", 1),
-        ("8.9 FILL_BLK of texts", "FILL_BLK(IN := 'xyz', COUNT := 2, OUT => #s[1]); MD100 := LEN(#s[2]) * 10 + LEN(#s[0]);", 30),
+        ("8.9 FILL_BLK of texts", "FILL_BLK(IN := 'xyz', COUNT := 2, OUT => #s[1]); MW102 := LEN(#s[2]) * 10 + LEN(#s[0]);", 30),
         ("8.9 LOWER_BOUND and UPPER_BOUND", "MD100 := UPPER_BOUND(ARR := #b, DIM := 1) * 10 + LOWER_BOUND(ARR := #b, DIM := 1);", 81),
     ] {
         let statements = &*format!("{FILLED} {statements}").leak();

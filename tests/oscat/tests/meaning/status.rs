@@ -31,9 +31,9 @@ fn lines_1_and_4_of_each_block() {
         ],
     );
     refused(
-        "FC1",
+        "FC900",
         &[
-            ("7.4 ENO of another type", "a : INT;", "a := 1; a := FC9(ENO => a);", &["S0602"]),
+            ("7.4 ENO of another type", "a : INT;", "a := 1; a := FC9(ENO => a);", &["S2405"]),
             ("7.4 EN of another type", "a : INT; r : REAL; i : INT;", "i := SFC64(EN := 5.0);", &["S2201"]),
         ],
     );
@@ -76,7 +76,7 @@ fn array_limits_with_the_option() {
     for (option, index, expected) in [("'y'", "3", 1), ("'y'", "4", 0), ("'y'", "0", 0), ("'n'", "4", 1)] {
         let block = format!(
             "{{SCL_MonitorArrayLimits := {option}}} FUNCTION FC510 : VOID VAR_INPUT i : INT; END_VAR
-             VAR x : ARRAY[1..3] OF INT; y : ARRAY[1..9] OF INT; END_VAR BEGIN y[i] := 1; x[i] := 1; END_FUNCTION"
+             VAR y : ARRAY[0..9] OF INT; x : ARRAY[1..3] OF INT; z : INT; END_VAR BEGIN y[i] := 1; x[i] := 1; END_FUNCTION"
         );
         let call = &*format!("FC510(i := {index}); M103.0 := ENO;").leak();
         rows_behind(&block, &[("6 monitor array limits", "", call, expected)]);
@@ -86,7 +86,7 @@ fn array_limits_with_the_option() {
 #[test]
 fn line_5_of_tia_portal() {
     let blocks = "FUNCTION \"inner\" : Bool VAR_INPUT x : Bool; END_VAR BEGIN #inner := TRUE; ENO := #x; END_FUNCTION
-        FUNCTION \"outer\" : Void VAR_TEMP x : Bool; END_VAR BEGIN #x := \"inner\"(x := FALSE); M103.0 := ENO; #x := \"inner\"(x := TRUE);
-        M103.1 := ENO; #x := \"inner\"(x := FALSE, ENO => #x); M103.2 := #x; END_FUNCTION";
+        FUNCTION \"outer\" : Void VAR_TEMP x, y : Bool; END_VAR BEGIN #x := \"inner\"(x := FALSE); M103.0 := ENO; #x := \"inner\"(x := TRUE);
+        M103.1 := ENO; #x := \"inner\"(x := FALSE, ENO => #y); M103.2 := #y; END_FUNCTION";
     rows_behind(blocks, &[("7.5 ENO is what the body says", "", "MD100 := 0; \"outer\"();", 2)]);
 }
