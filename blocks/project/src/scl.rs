@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{Op, Program, Symbol};
-use ob1_model::{BlockId, BlockKind, Interface, Param, Section};
+use ob1_model::{BlockId, BlockKind, DataType, Interface, Param, Section};
 use ob1_stl::{Library, Mnemonics, Options, Severity, Source};
 
 use crate::compiled::alike;
@@ -156,8 +156,11 @@ fn same(mine: &Interface, theirs: &Interface) -> bool {
         interface.params.iter().filter(|p| p.section != Section::Temp).cloned().collect()
     };
     let (a, b) = (lasting(mine), lasting(theirs));
+    // The length of a STRING that a function gets is none of the compiled interface.
+    let text = |p: &Param| mine.instance_bytes == 0 && matches!(p.ty, DataType::String(_));
     let alike = |a: &Param, b: &Param| {
-        (a.section, a.at) == (b.section, b.at) && a.is_called(&b.name) && alike(&a.ty, &b.ty)
+        let types = alike(&a.ty, &b.ty) || text(a) && text(b);
+        (a.section, a.at) == (b.section, b.at) && a.is_called(&b.name) && types
     };
     mine.instance_bytes == theirs.instance_bytes && a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| alike(a, b))
 }
@@ -167,7 +170,7 @@ fn same(mine: &Interface, theirs: &Interface) -> bool {
 pub fn heads(text: &str) -> Vec<(&'static str, String)> {
     const WORDS: [&str; 5] = ["FUNCTION_BLOCK", "FUNCTION", "TYPE", "DATA_BLOCK", "ORGANIZATION_BLOCK"];
     let mut out = Vec::new();
-    for line in text.lines() {
+    for line in without_comments(text).lines() {
         let line = line.trim_start_matches('\u{feff}').trim();
         let begins = |word: &&str| {
             line.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
@@ -179,6 +182,34 @@ pub fn heads(text: &str) -> Vec<(&'static str, String)> {
         }
     }
     out
+}
+
+/// A text without its comments, which lie within each other; lines stay.
+fn without_comments(text: &str) -> String {
+    let mut kept = String::with_capacity(text.len());
+    let (mut depth, mut to_the_end) = (0u32, false);
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
+        match (c, rest.peek()) {
+            ('\n', _) => {
+                to_the_end = false;
+                kept.push(c);
+            }
+            _ if to_the_end => {}
+            ('/', Some('/')) if depth == 0 => to_the_end = true,
+            ('(', Some('*')) => {
+                depth += 1;
+                rest.next();
+            }
+            ('*', Some(')')) if depth > 0 => {
+                depth -= 1;
+                rest.next();
+            }
+            _ if depth == 0 => kept.push(c),
+            _ => {}
+        }
+    }
+    kept
 }
 
 /// A block by its address: `FC186`, `FC 186`.

@@ -3,8 +3,7 @@
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
     Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, DpModule, DpSlave, DpSystem, FileSource, Files,
-    Folder, Head, Line, Module, Network, NewProject, Project, SourceText, SymbolRow, Tree,
-    Udt,
+    Folder, Head, Line, Module, Network, NewProject, Project, SourceText, SymbolRow, Tree, Udt,
 };
 use proptest::prelude::*;
 
@@ -50,7 +49,11 @@ fn example() -> NewProject {
             comment: String::new(),
         }],
         sources: vec![
-            SourceText { name: "насос".into(), stl: false, text: "FUNCTION FC1 : VOID\r\n// пуск\r\nEND_FUNCTION\r\n".into() },
+            SourceText {
+                name: "насос".into(),
+                stl: false,
+                text: "FUNCTION FC1 : VOID\r\n// пуск\r\nEND_FUNCTION\r\n".into(),
+            },
             SourceText { name: "stl".into(), stl: true, text: String::new() },
         ],
         cpu: Some(Cpu {

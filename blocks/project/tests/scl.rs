@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Block, CodePage, NewProject, Project, SclSource, SourceText, SymbolRow, Tree, Wanted, has_ok, scl_sources, translate,
+    Block, CodePage, NewProject, Project, SclSource, SourceText, SymbolRow, Tree, Wanted, has_ok, scl_sources,
+    translate,
 };
 use ob1_stl::{Library, Mnemonics, Options, Source};
 
@@ -36,8 +37,14 @@ fn source(name: &str, text: &str) -> SourceText {
 
 fn judged(blocks: Vec<Block>, sources: Vec<SourceText>) -> Vec<SclSource> {
     let symbols = vec![SymbolRow { name: "DOUBLE".into(), international: "FC 1".into(), ..SymbolRow::default() }];
-    let project =
-        NewProject { name: "plant".into(), program: "program".into(), blocks, sources, symbols, ..NewProject::default() };
+    let project = NewProject {
+        name: "plant".into(),
+        program: "program".into(),
+        blocks,
+        sources,
+        symbols,
+        ..NewProject::default()
+    };
     let files = project.files();
     let tree = Tree::new(&files);
     let project = Project::read(&tree, &tree.roots()[0]);
@@ -57,19 +64,41 @@ fn judged(blocks: Vec<Block>, sources: Vec<SourceText>) -> Vec<SclSource> {
         mnemonics: Mnemonics::International,
     };
     let translation = translate(&folder, &wanted);
-    assert!(has_ok(&translation.program, BlockId::new(BlockKind::Fc, 2)), "FC 2 has the option: {:?}", translation.notes);
+    assert!(
+        has_ok(&translation.program, BlockId::new(BlockKind::Fc, 2)),
+        "FC 2 has the option: {:?}",
+        translation.notes
+    );
     scl_sources(&project.sources(&tree, choice), &translation, &library, &symbols, Mnemonics::International)
 }
 
 #[test]
 fn a_source_stands_in_the_place_of_its_block_where_it_fits() {
     let all = [
-        ("DOUBLE", "FUNCTION DOUBLE : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := a * 2; END_FUNCTION\n"),
-        ("with ok", "FUNCTION FC2 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR VAR_TEMP t : INT; END_VAR\nBEGIN t := a; FC1(a := t, q := q); END_FUNCTION\n"),
-        ("other", "FUNCTION FC3 : VOID VAR_INPUT a : DINT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := 1; END_FUNCTION\n"),
-        ("renamed", "FUNCTION FC4 : VOID VAR_INPUT b : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := b; END_FUNCTION\n"),
-        ("wrong", "FUNCTION FC5 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR\nBEGIN\nq := gone;\nEND_FUNCTION\n"),
-        ("double2", "FUNCTION FC1 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := a + a; END_FUNCTION\n"),
+        (
+            "DOUBLE",
+            "(* a\nFUNCTION block (* of *)\ntype x *)\n// one\nFUNCTION DOUBLE : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := a * 2; END_FUNCTION\n",
+        ),
+        (
+            "with ok",
+            "FUNCTION FC2 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR VAR_TEMP t : INT; END_VAR\nBEGIN t := a; FC1(a := t, q := q); END_FUNCTION\n",
+        ),
+        (
+            "other",
+            "FUNCTION FC3 : VOID VAR_INPUT a : DINT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := 1; END_FUNCTION\n",
+        ),
+        (
+            "renamed",
+            "FUNCTION FC4 : VOID VAR_INPUT b : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := b; END_FUNCTION\n",
+        ),
+        (
+            "wrong",
+            "FUNCTION FC5 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR\nBEGIN\nq := gone;\nEND_FUNCTION\n",
+        ),
+        (
+            "double2",
+            "FUNCTION FC1 : VOID VAR_INPUT a : INT; END_VAR VAR_OUTPUT q : INT; END_VAR BEGIN q := a + a; END_FUNCTION\n",
+        ),
         ("gone", "FUNCTION FC9 : VOID BEGIN ; END_FUNCTION\n"),
         ("data", "DATA_BLOCK DB1 STRUCT a : INT; END_STRUCT BEGIN END_DATA_BLOCK\n"),
         ("list", "DOUBLE;\nother;\n"),
@@ -93,6 +122,6 @@ fn a_source_stands_in_the_place_of_its_block_where_it_fits() {
             ("data.scl", "it declares types or data: what the project has counts"),
         ]
     );
-    assert!(judged[0].text.starts_with("FUNCTION DOUBLE"));
+    assert!(judged[0].text.starts_with("(* a"));
     assert!(judged[1].text.starts_with("{SCL_SetOKFlag := 'y'} FUNCTION FC2"), "{}", judged[1].text);
 }

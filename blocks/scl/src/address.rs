@@ -79,7 +79,11 @@ impl<'c> Checker<'c> {
                 let id = BlockId::new(kind, n);
                 if id == self.id && !matches!(reference.steps.get(used), Some(Step::Call(_))) {
                     let Some(named) = self.own_result(span) else {
-                        self.report(span, &codes::NOT_A_VALUE, format!("{id} has no value: it is declared without one"));
+                        self.report(
+                            span,
+                            &codes::NOT_A_VALUE,
+                            format!("{id} has no value: it is declared without one"),
+                        );
                         return None;
                     };
                     return Some(Some((named, used)));

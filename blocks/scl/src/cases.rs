@@ -33,7 +33,12 @@ impl<'c> Lowerer<'c> {
         Some(self.kept(value))
     }
 
-    pub(crate) fn case(&mut self, selector: &Expr, branches: &[(Vec<Label>, Vec<Stmt>)], otherwise: &[Stmt]) -> Option<()> {
+    pub(crate) fn case(
+        &mut self,
+        selector: &Expr,
+        branches: &[(Vec<Label>, Vec<Stmt>)],
+        otherwise: &[Stmt],
+    ) -> Option<()> {
         let Some(value) = self.selector(selector) else {
             // For their mistakes.
             branches.iter().for_each(|(_, list)| self.inner(list));

@@ -21,7 +21,8 @@ pub(crate) struct Cursor<'c, 's> {
 
 impl<'c, 's> Cursor<'c, 's> {
     pub(crate) fn new(index: usize, file: &'c File<'s>, sink: &'c mut Sink, range: Tokens) -> Self {
-        let mut cursor = Self { index, file, sink, at: range.start, end: range.end, depth: 0, last: Span::default(), bad: 0 };
+        let mut cursor =
+            Self { index, file, sink, at: range.start, end: range.end, depth: 0, last: Span::default(), bad: 0 };
         cursor.settle();
         cursor
     }

@@ -41,12 +41,10 @@ impl Code {
             }
             Kind::Logic(logic, inputs) => self.chain(*logic, inputs),
             Kind::Select(all) => self.select_bit(all),
-            Kind::Call(call) => {
-                match self.call(call, None) {
-                    Some(place) => self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(place) }),
-                    None => self.lose(),
-                }
-            }
+            Kind::Call(call) => match self.call(call, None) {
+                Some(place) => self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(place) }),
+                None => self.lose(),
+            },
             _ => self.lose(),
         }
     }

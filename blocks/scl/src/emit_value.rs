@@ -43,12 +43,10 @@ impl Code {
             Kind::Mux(k, values) => self.mux(k, values, value.ty),
             Kind::Extreme(relation, values) => self.extreme(*relation, values, value.ty),
             Kind::Limit(all) => self.limit(all, value.ty),
-            Kind::Call(call) => {
-                match (self.call(call, None), Width::of(value.ty)) {
-                    (Some(place), Some(width)) => self.op(Op::Load(Operand { width, place })),
-                    _ => self.lose(),
-                }
-            }
+            Kind::Call(call) => match (self.call(call, None), Width::of(value.ty)) {
+                (Some(place), Some(width)) => self.op(Op::Load(Operand { width, place })),
+                _ => self.lose(),
+            },
             Kind::Block(number) => self.block_number(*number),
             Kind::Unsigned(operation, values) => self.unsigned(*operation, values),
             Kind::Clock(read) => self.read_clock(read, value.span),

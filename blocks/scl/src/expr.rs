@@ -32,7 +32,8 @@ impl<'c> Checker<'c> {
                 if let Kind::Call(call) = &value.kind
                     && call.actuals.iter().any(|actual| actual.formal.section == Section::Return)
                 {
-                    let message = "the result is supplied among the parameters, and is the value here: leave it out there";
+                    let message =
+                        "the result is supplied among the parameters, and is the value here: leave it out there";
                     self.report(expr.span, &codes::UNKNOWN_PARAMETER, message);
                     return self.bad(expr.span);
                 }

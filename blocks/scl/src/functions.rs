@@ -289,8 +289,7 @@ impl<'c> Checker<'c> {
 
     /// The values of a function that takes any number of them, without names or with any.
     fn list(&mut self, function: &str, least: usize, args: &[Arg], span: Span) -> Option<Vec<Typed<'c>>> {
-        let values: Option<Vec<Typed<'c>>> =
-            args.iter().map(|arg| Some(self.expr(arg.value.as_ref()?))).collect();
+        let values: Option<Vec<Typed<'c>>> = args.iter().map(|arg| Some(self.expr(arg.value.as_ref()?))).collect();
         match values.filter(|values| values.len() >= least) {
             Some(values) if values.iter().any(Typed::is_bad) => None,
             Some(values) => Some(values),
@@ -399,11 +398,7 @@ impl<'c> Checker<'c> {
     }
 
     /// Values in one type that takes all of them.
-    fn common(
-        &mut self,
-        values: Vec<Typed<'c>>,
-        (wanted, span): Wanted,
-    ) -> Option<(Vec<Typed<'c>>, &'c DataType)> {
+    fn common(&mut self, values: Vec<Typed<'c>>, (wanted, span): Wanted) -> Option<(Vec<Typed<'c>>, &'c DataType)> {
         if values.iter().any(Typed::is_bad) {
             return None;
         }

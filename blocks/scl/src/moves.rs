@@ -176,9 +176,10 @@ impl Code {
             sides.push(at);
         }
         let value = match &moved.from {
-            Taken::Elements(side) => sides.first().and_then(|at| side.at(*at)).map(|var| {
-                Typed::new(Kind::Var(var), side.ty, side.first.span)
-            }),
+            Taken::Elements(side) => sides
+                .first()
+                .and_then(|at| side.at(*at))
+                .map(|var| Typed::new(Kind::Var(var), side.ty, side.first.span)),
             Taken::Value(value) => self.evaluated(value, moved.to.ty),
         };
         let target = sides.last().and_then(|at| moved.to.at(*at));

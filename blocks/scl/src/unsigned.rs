@@ -88,12 +88,7 @@ impl<'c> Checker<'c> {
     }
 
     /// Both sides as signed numbers: beside a REAL a UDINT is one.
-    fn numbers(
-        &mut self,
-        left: Typed<'c>,
-        right: Typed<'c>,
-        operator: Operator,
-    ) -> Option<(Typed<'c>, Typed<'c>)> {
+    fn numbers(&mut self, left: Typed<'c>, right: Typed<'c>, operator: Operator) -> Option<(Typed<'c>, Typed<'c>)> {
         let real = |v: &Typed<'c>| *v.ty == DataType::Real;
         let beside_real = real(&left) || real(&right);
         Some((self.number(left, operator, beside_real)?, self.number(right, operator, beside_real)?))

@@ -20,7 +20,7 @@ const AIM_S: f64 = 2.0;
 const LINEAR: f64 = 2.6;
 /// Statements of one generated function.
 const BODY: usize = 50;
-/// Functions of the SCL program, of 39 lines each.
+/// Functions of the SCL program, of 38 lines each.
 const SCL_FUNCTIONS: usize = 2_500;
 /// Lines of SCL a second.
 const SCL_AIM: f64 = 200_000.0;

@@ -607,8 +607,14 @@ fn scl_sources_lie_beside_and_run_with_the_option() {
         site.ob1(&args).fine();
         assert_eq!(text(&out.join("scl/Latch.scl")), latch);
         let report = text(&out.join("report.txt"));
-        let how = if options.is_empty() { "can run in its place: --scl takes them" } else { "run in the place of the machine code" };
-        let beside = format!("2 SCL sources of the project lie here; 1 compile and declare the interface of their blocks, and {how}");
+        let how = if options.is_empty() {
+            "can run in its place: --scl takes them"
+        } else {
+            "run in the place of the machine code"
+        };
+        let beside = format!(
+            "2 SCL sources of the project lie here; 1 compile and declare the interface of their blocks, and {how}"
+        );
         assert!(report.contains(&beside), "{report}");
         let stays = "scl/Hidden.scl: its blocks stay as they were compiled: it declares other parameters than FC 2 was compiled with";
         assert!(report.contains(stays), "{report}");

@@ -72,7 +72,8 @@ fn status_and_breakpoints_have_the_lines_of_the_source() {
         let mut command = site.command(program("ob1"));
         command.args(["debug", "lines", "--break", "FC 5:11"]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("ob1 starts");
-        let mut tell = |lines: &str| child.stdin.as_mut().expect("a pipe").write_all(lines.as_bytes()).expect("it reads");
+        let mut tell =
+            |lines: &str| child.stdin.as_mut().expect("a pipe").write_all(lines.as_bytes()).expect("it reads");
         tell("wait\n");
         station.until("HOLD", |s| (s.ask(Op::Status).ok()?.status?.state == "HOLD").then_some(()));
         tell("break FC 5:16\nstack\ndelete\nquit\n");

@@ -23,8 +23,8 @@ use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SclSource, SymbolRow, Translation, Tree, Wanted,
-    scl_sources, translate,
+    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SclSource, SymbolRow, Translation, Tree,
+    Wanted, scl_sources, translate,
 };
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};

@@ -323,7 +323,10 @@ fn a_fault_in_scl_has_its_line() {
                DB9.DW[i * 1000] := 16#1;\n    i := 6;\nEND_ORGANIZATION_BLOCK\nDATA_BLOCK DB9\nSTRUCT\n    n : INT;\n\
                END_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
     bench.write("p.scl", scl);
-    bench.write("p.test.toml", "sources = [\"p.scl\"]\n[[test]]\nname = \"beyond\"\n[[test.step]]\nexpect = { \"MW 0\" = 0 }\n");
+    bench.write(
+        "p.test.toml",
+        "sources = [\"p.scl\"]\n[[test]]\nname = \"beyond\"\n[[test.step]]\nexpect = { \"MW 0\" = 0 }\n",
+    );
     let (code, text) = bench.test(&[]);
     assert_eq!(code, Some(1), "{text}");
     assert!(text.contains("the CPU is in STOP") && text.contains("line 8"), "{text}");

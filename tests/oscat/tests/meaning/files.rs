@@ -25,7 +25,8 @@ const CODE: &str = "\u{feff}FUNCTION_BLOCK \"Regler\"\r\nTITLE = Regler\r\n{ S7_
 fn sources_data_and_types_are_files_of_their_own() {
     let files = [("Main.scl", CODE), ("Anlage.db", DATA), ("Regler_DB.db", INSTANCE), ("Motor.udt", TYPE)];
     let sources = files.map(|(name, text)| Source::new(name, text.as_bytes()));
-    let fixed = vec![ob1_stl::Numbered { name: "Main".into(), id: ob1_model::BlockId::new(ob1_model::BlockKind::Ob, 1) }];
+    let fixed =
+        vec![ob1_stl::Numbered { name: "Main".into(), id: ob1_model::BlockId::new(ob1_model::BlockKind::Ob, 1) }];
     let options = Options { fixed, ..Options::default() };
     let output = ob1_scl::compile(&sources, &library(), &options);
     assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &sources));

@@ -8,7 +8,7 @@ mod files;
 mod functions;
 mod nothing_is_lost;
 mod order;
-mod status;
 mod statements;
+mod status;
 mod texts;
 mod types;

@@ -21,10 +21,20 @@ fn lines_1_and_2_what_is_evaluated_when() {
             ("5.1 XOR", ANY, "x := FC501(TRUE) XOR FC501(TRUE); MW102 := MW50;", 2),
             ("5.1 beside a comparison", ANY, "a := 1; IF a > 2 AND FC501(TRUE) THEN b := 1; END_IF; MW102 := MW50;", 1),
             ("5.1 three", ANY, "x := FC501(FALSE) AND FC501(FALSE) AND FC501(FALSE); MW102 := MW50;", 3),
-            ("5.1 the values count", ANY, "M103.0 := FC501(TRUE) AND NOT FC501(FALSE); M103.1 := FC501(FALSE) OR FC501(FALSE);", 1),
+            (
+                "5.1 the values count",
+                ANY,
+                "M103.0 := FC501(TRUE) AND NOT FC501(FALSE); M103.1 := FC501(FALSE) OR FC501(FALSE);",
+                1,
+            ),
             ("5.2 calls from left to right", ANY, "a := FC502(1) * 0 + FC502(2); MW102 := MW50;", 12),
             ("5.2 calls on both sides", ANY, "M103.0 := FC502(1) < FC502(2); M103.1 := MW50 = W#16#C;", 3),
-            ("5.2 a plain variable last", ANY, "MW50 := 1; MD100 := DINT_TO_DWORD(WORD_TO_INT(MW50) - FC503());", 0xFFFF_FFA3),
+            (
+                "5.2 a plain variable last",
+                ANY,
+                "MW50 := 1; MD100 := DINT_TO_DWORD(WORD_TO_INT(MW50) - FC503());",
+                0xFFFF_FFA3,
+            ),
             ("5.2 and on the right", ANY, "MW50 := 1; MD100 := DINT_TO_DWORD(FC503() - WORD_TO_INT(MW50));", 93),
         ],
     );
@@ -82,15 +92,60 @@ fn lines_7_and_8_choices() {
     rows_behind(
         COUNTED,
         &[
-            ("5.7 WHILE tests before", ANY, "a := 5; WHILE a < 5 DO a := a + 1; END_WHILE; MW102 := INT_TO_WORD(a);", 5),
-            ("5.7 REPEAT tests after", ANY, "a := 5; REPEAT a := a + 1; UNTIL TRUE END_REPEAT; MW102 := INT_TO_WORD(a);", 6),
-            ("5.7 REPEAT until TRUE", ANY, "a := 0; REPEAT a := a + 1; UNTIL a = 3 END_REPEAT; MW102 := INT_TO_WORD(a);", 3),
-            ("5.7 nothing behind the one that holds", ANY, "IF FC501(FALSE) THEN a := 1; ELSIF FC501(TRUE) THEN a := 2; ELSIF FC501(TRUE) THEN a := 3; END_IF; MW102 := INT_TO_WORD(WORD_TO_INT(MW50) * 10 + a);", 22),
-            ("5.8 selector once", ANY, "CASE FC502(3) OF 1: a := 1; 2: a := 2; 3: a := 3; END_CASE; MW102 := INT_TO_WORD(WORD_TO_INT(MW50) * 10 + a);", 33),
-            ("5.8 ranges with their ends", ANY, "d := 0; FOR a := 1 TO 6 DO CASE a OF 2..5: d := d * 10 + a; END_CASE; END_FOR; MD100 := DINT_TO_DWORD(d);", 2345),
-            ("5.8 no fall-through", ANY, "a := 1; CASE a OF 1: b := 1; 2: b := 2; ELSE b := 9; END_CASE; MW102 := INT_TO_WORD(b);", 1),
-            ("5.8 nothing without a match", ANY, "a := 7; b := 4; CASE a OF 1: b := 1; END_CASE; MW102 := INT_TO_WORD(b);", 4),
-            ("5.8 a list", ANY, "a := 7; CASE a OF 1, 5..8, -3: b := 1; ELSE b := 2; END_CASE; MW102 := INT_TO_WORD(b);", 1),
+            (
+                "5.7 WHILE tests before",
+                ANY,
+                "a := 5; WHILE a < 5 DO a := a + 1; END_WHILE; MW102 := INT_TO_WORD(a);",
+                5,
+            ),
+            (
+                "5.7 REPEAT tests after",
+                ANY,
+                "a := 5; REPEAT a := a + 1; UNTIL TRUE END_REPEAT; MW102 := INT_TO_WORD(a);",
+                6,
+            ),
+            (
+                "5.7 REPEAT until TRUE",
+                ANY,
+                "a := 0; REPEAT a := a + 1; UNTIL a = 3 END_REPEAT; MW102 := INT_TO_WORD(a);",
+                3,
+            ),
+            (
+                "5.7 nothing behind the one that holds",
+                ANY,
+                "IF FC501(FALSE) THEN a := 1; ELSIF FC501(TRUE) THEN a := 2; ELSIF FC501(TRUE) THEN a := 3; END_IF; MW102 := INT_TO_WORD(WORD_TO_INT(MW50) * 10 + a);",
+                22,
+            ),
+            (
+                "5.8 selector once",
+                ANY,
+                "CASE FC502(3) OF 1: a := 1; 2: a := 2; 3: a := 3; END_CASE; MW102 := INT_TO_WORD(WORD_TO_INT(MW50) * 10 + a);",
+                33,
+            ),
+            (
+                "5.8 ranges with their ends",
+                ANY,
+                "d := 0; FOR a := 1 TO 6 DO CASE a OF 2..5: d := d * 10 + a; END_CASE; END_FOR; MD100 := DINT_TO_DWORD(d);",
+                2345,
+            ),
+            (
+                "5.8 no fall-through",
+                ANY,
+                "a := 1; CASE a OF 1: b := 1; 2: b := 2; ELSE b := 9; END_CASE; MW102 := INT_TO_WORD(b);",
+                1,
+            ),
+            (
+                "5.8 nothing without a match",
+                ANY,
+                "a := 7; b := 4; CASE a OF 1: b := 1; END_CASE; MW102 := INT_TO_WORD(b);",
+                4,
+            ),
+            (
+                "5.8 a list",
+                ANY,
+                "a := 7; CASE a OF 1, 5..8, -3: b := 1; ELSE b := 2; END_CASE; MW102 := INT_TO_WORD(b);",
+                1,
+            ),
             ("5.8 names of constants", ANY, "a := 2; CASE a OF 1 + 1: b := 6; END_CASE; MW102 := INT_TO_WORD(b);", 6),
         ],
     );
@@ -106,16 +161,56 @@ fn lines_7_and_8_choices() {
 #[test]
 fn line_9_for() {
     rows(&[
-        ("5.9 the end before the start", ANY, "a := 3; d := 0; FOR a := 1 TO a DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 123),
-        ("5.9 the end once", ANY, "b := 2; d := 0; FOR a := 1 TO b DO b := b + 1; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d);", 2),
-        ("5.9 tested before", ANY, "d := 0; FOR a := 2 TO 1 DO d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d * 100 + a);", 2),
+        (
+            "5.9 the end before the start",
+            ANY,
+            "a := 3; d := 0; FOR a := 1 TO a DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);",
+            123,
+        ),
+        (
+            "5.9 the end once",
+            ANY,
+            "b := 2; d := 0; FOR a := 1 TO b DO b := b + 1; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d);",
+            2,
+        ),
+        (
+            "5.9 tested before",
+            ANY,
+            "d := 0; FOR a := 2 TO 1 DO d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d * 100 + a);",
+            2,
+        ),
         ("5.9 the variable afterwards", ANY, "FOR a := 1 TO 5 BY 3 DO ; END_FOR; MW102 := INT_TO_WORD(a);", 7),
-        ("5.9 negative step", ANY, "d := 0; FOR a := 3 TO 1 BY -1 DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d * 10 + a);", 3210),
-        ("5.9 assigning to the variable counts", ANY, "d := 0; FOR a := 1 TO 9 DO a := a + 2; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d * 100 + a);", 310),
+        (
+            "5.9 negative step",
+            ANY,
+            "d := 0; FOR a := 3 TO 1 BY -1 DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d * 10 + a);",
+            3210,
+        ),
+        (
+            "5.9 assigning to the variable counts",
+            ANY,
+            "d := 0; FOR a := 1 TO 9 DO a := a + 2; d := d + 1; END_FOR; MD100 := DINT_TO_DWORD(d * 100 + a);",
+            310,
+        ),
         ("5.9 DINT", ANY, "a := 0; FOR d := 100000 TO 100002 DO a := a + 1; END_FOR; MW102 := INT_TO_WORD(a);", 3),
-        ("5.9 step by its sign at run time, up", ANY, "c := 2; d := 0; FOR a := 1 TO 5 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 135),
-        ("5.9 step by its sign at run time, down", ANY, "c := -2; d := 0; FOR a := 5 TO 1 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);", 531),
-        ("5.9 an element as variable", "x : ARRAY[1..2] OF INT; d : DINT;", "d := 0; FOR x[2] := 1 TO 3 DO d := d + x[2]; END_FOR; MD100 := DINT_TO_DWORD(d);", 6),
+        (
+            "5.9 step by its sign at run time, up",
+            ANY,
+            "c := 2; d := 0; FOR a := 1 TO 5 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);",
+            135,
+        ),
+        (
+            "5.9 step by its sign at run time, down",
+            ANY,
+            "c := -2; d := 0; FOR a := 5 TO 1 BY c DO d := d * 10 + a; END_FOR; MD100 := DINT_TO_DWORD(d);",
+            531,
+        ),
+        (
+            "5.9 an element as variable",
+            "x : ARRAY[1..2] OF INT; d : DINT;",
+            "d := 0; FOR x[2] := 1 TO 3 DO d := d + x[2]; END_FOR; MD100 := DINT_TO_DWORD(d);",
+            6,
+        ),
     ]);
     refused("FC900", &[("5.9 never ends", "a : INT;", "FOR a := 1 TO 32767 DO ; END_FOR;", &["S2304"])]);
 }
@@ -136,7 +231,12 @@ fn line_10_leaving() {
         "FUNCTION FC501 : INT VAR_INPUT x : BOOL; END_VAR BEGIN FC501 := 1; OK := x; RETURN; FC501 := 2; END_FUNCTION",
         &[
             ("5.10 RETURN ends", ANY, "a := FC501(x := TRUE); MW102 := INT_TO_WORD(a);", 1),
-            ("5.10 RETURN copies OK to BR", ANY, "a := FC501(x := TRUE); M103.0 := ENO; a := FC501(x := FALSE); M103.1 := ENO;", 1),
+            (
+                "5.10 RETURN copies OK to BR",
+                ANY,
+                "a := FC501(x := TRUE); M103.0 := ENO; a := FC501(x := FALSE); M103.1 := ENO;",
+                1,
+            ),
         ],
     );
     rows_behind(
@@ -158,18 +258,38 @@ fn line_11_selection() {
     rows_behind(
         COUNTED,
         &[
-            ("5.11 SEL calculates both", ANY, "a := SEL(G := TRUE, IN0 := FC502(1), IN1 := FC502(2)); MW102 := INT_TO_WORD(a);", 12),
+            (
+                "5.11 SEL calculates both",
+                ANY,
+                "a := SEL(G := TRUE, IN0 := FC502(1), IN1 := FC502(2)); MW102 := INT_TO_WORD(a);",
+                12,
+            ),
             ("5.11 FALSE takes IN0", ANY, "MW102 := INT_TO_WORD(SEL(G := FALSE, IN0 := 3, IN1 := 4));", 3),
             ("5.11 of BOOL", ANY, "x := TRUE; M103.0 := SEL(G := x, IN0 := FALSE, IN1 := TRUE);", 1),
             ("5.11 MIN", ANY, "a := 3; b := -3; MW102 := INT_TO_WORD(MIN(IN1 := a, IN2 := b));", 0xFFFD),
-            ("5.11 MIN of NaN takes IN2", ANY, "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(MIN(IN1 := r, IN2 := 2.0));", real(2.0)),
-            ("5.11 MAX of NaN takes IN2", ANY, "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(MAX(IN1 := r, IN2 := 2.0));", real(2.0)),
+            (
+                "5.11 MIN of NaN takes IN2",
+                ANY,
+                "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(MIN(IN1 := r, IN2 := 2.0));",
+                real(2.0),
+            ),
+            (
+                "5.11 MAX of NaN takes IN2",
+                ANY,
+                "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(MAX(IN1 := r, IN2 := 2.0));",
+                real(2.0),
+            ),
             ("5.11 MAX of three", ANY, "a := 3; b := 9; MW102 := INT_TO_WORD(MAX(IN1 := a, IN2 := b, IN3 := 5));", 9),
             ("5.11 LIMIT within", ANY, "a := 3; MW102 := INT_TO_WORD(LIMIT(MN := 1, IN := a, MX := 5));", 3),
             ("5.11 LIMIT below", ANY, "a := 0; MW102 := INT_TO_WORD(LIMIT(MN := 1, IN := a, MX := 5));", 1),
             ("5.11 LIMIT above", ANY, "a := 8; MW102 := INT_TO_WORD(LIMIT(MN := 1, IN := a, MX := 5));", 5),
             ("5.11 MN wins", ANY, "a := 3; MW102 := INT_TO_WORD(LIMIT(MN := 9, IN := a, MX := 5));", 9),
-            ("5.11 NaN gives MN", ANY, "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(LIMIT(MN := 1.0, IN := r, MX := 5.0));", real(1.0)),
+            (
+                "5.11 NaN gives MN",
+                ANY,
+                "r := -1.0; r := SQRT(r); MD100 := REAL_TO_DWORD(LIMIT(MN := 1.0, IN := r, MX := 5.0));",
+                real(1.0),
+            ),
         ],
     );
 }
@@ -179,14 +299,44 @@ fn lines_12_and_13_times_and_texts() {
     rows(&[
         ("5.12 TIME with sign", "t : TIME;", "t := T#-1ms; M103.0 := t < T#0ms;", 1),
         ("5.12 TOD with sign", "t : TOD;", "t := DINT_TO_TOD(-1); M103.0 := t < TOD#0:0:0;", 1),
-        ("5.12 DATE as signed INT", "y : DATE;", "y := D#2079-9-19; M103.0 := y < D#1990-1-1; y := D#2079-9-18; M103.1 := y < D#1990-1-1;", 1),
-        ("5.12 TOD + TIME", "t : TOD;", "t := TOD#23:59:59.999; t := t + T#1ms; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));", 0),
-        ("5.12 TOD + TIME below 0", "t : TOD;", "t := TOD#0:0:0; t := t + T#-1ms; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));", 86_399_999),
-        ("5.12 TOD - TIME", "t : TOD;", "t := TOD#0:0:1; t := t - T#2s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));", 86_399_000),
+        (
+            "5.12 DATE as signed INT",
+            "y : DATE;",
+            "y := D#2079-9-19; M103.0 := y < D#1990-1-1; y := D#2079-9-18; M103.1 := y < D#1990-1-1;",
+            1,
+        ),
+        (
+            "5.12 TOD + TIME",
+            "t : TOD;",
+            "t := TOD#23:59:59.999; t := t + T#1ms; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));",
+            0,
+        ),
+        (
+            "5.12 TOD + TIME below 0",
+            "t : TOD;",
+            "t := TOD#0:0:0; t := t + T#-1ms; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));",
+            86_399_999,
+        ),
+        (
+            "5.12 TOD - TIME",
+            "t : TOD;",
+            "t := TOD#0:0:1; t := t - T#2s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(t));",
+            86_399_000,
+        ),
         ("5.13 byte by byte", "s, t : STRING[4];", "s := 'a'; t := 'Z'; M103.0 := s > t;", 1),
         ("5.13 no code page", "s, t : STRING[4];", "s := '$FF'; t := 'z'; M103.0 := s > t;", 1),
-        ("5.13 the shorter comes first", "s, t : STRING[4];", "s := 'ab'; t := 'abc'; M103.0 := s < t; M103.1 := s = t;", 1),
-        ("5.13 DT", "a, b : DT;", "a := DT#2020-1-1-0:0:0; b := DT#1999-1-1-0:0:0; M103.0 := a > b; M103.1 := a <> b; M103.2 := a <= b;", 3),
+        (
+            "5.13 the shorter comes first",
+            "s, t : STRING[4];",
+            "s := 'ab'; t := 'abc'; M103.0 := s < t; M103.1 := s = t;",
+            1,
+        ),
+        (
+            "5.13 DT",
+            "a, b : DT;",
+            "a := DT#2020-1-1-0:0:0; b := DT#1999-1-1-0:0:0; M103.0 := a > b; M103.1 := a <> b; M103.2 := a <= b;",
+            3,
+        ),
     ]);
 }
 
@@ -199,12 +349,18 @@ fn line_14_temporaries() {
     let dirty = "FUNCTION FC501 : VOID VAR_TEMP a : ARRAY[0..511] OF BYTE; i : INT; END_VAR BEGIN
         FOR i := 0 TO 511 DO a[i] := 16#AA; END_FOR; END_FUNCTION";
     let work = |declared: &str, statements: &str| {
-        format!("{dirty}\nFUNCTION \"w\" : Void {{ S7_Optimized_Access := 'TRUE' }} VAR_TEMP {declared} END_VAR BEGIN {statements} END_FUNCTION")
+        format!(
+            "{dirty}\nFUNCTION \"w\" : Void {{ S7_Optimized_Access := 'TRUE' }} VAR_TEMP {declared} END_VAR BEGIN {statements} END_FUNCTION"
+        )
     };
     for (declared, statements, expected) in [
         ("i : Int; n : DInt;", "MD100 := #n; MW100 := #i;", 0),
         ("a : Array[0..299] of Byte; i : Int;", "MB103 := #a[299]; MB102 := #a[0]; MB101 := #a[150];", 0),
-        ("s : String[10];", "#s := CONCAT(IN1 := 'abc', IN2 := 'def'); MB103 := INT_TO_BYTE(LEN(#s)); MB102 := INT_TO_BYTE(MAX_LEN(#s));", 0x0A06),
+        (
+            "s : String[10];",
+            "#s := CONCAT(IN1 := 'abc', IN2 := 'def'); MB103 := INT_TO_BYTE(LEN(#s)); MB102 := INT_TO_BYTE(MAX_LEN(#s));",
+            0x0A06,
+        ),
         ("t : DTL;", "MW102 := #t.YEAR;", 1970),
         ("a : Array[0..299] of Byte; t : DTL;", "MW102 := #t.YEAR; MB101 := #t.DAY;", 0x0001_07B2),
     ] {

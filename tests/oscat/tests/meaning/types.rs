@@ -2,7 +2,8 @@
 
 use crate::common::{real, refused, result, rows, rows_behind, run, tia_rows};
 
-const NUMBERS: &str = "b : BYTE; w : WORD; dw : DWORD; i, k : INT; d : DINT; r : REAL; x : BOOL; t : TIME; y : DATE; z : TOD;";
+const NUMBERS: &str =
+    "b : BYTE; w : WORD; dw : DWORD; i, k : INT; d : DINT; r : REAL; x : BOOL; t : TIME; y : DATE; z : TOD;";
 
 #[test]
 fn line_1_a_bare_integer_takes_the_type_of_its_place() {
@@ -36,7 +37,12 @@ fn line_2_implicit_conversions() {
         ("4.2 INT to DINT", NUMBERS, "i := -2; d := i; MD100 := DINT_TO_DWORD(d);", 0xFFFF_FFFE),
         ("4.2 INT to REAL", NUMBERS, "i := -2; r := i; MD100 := REAL_TO_DWORD(r);", real(-2.0)),
         ("4.2 DINT to REAL", NUMBERS, "d := 100000; r := d; MD100 := REAL_TO_DWORD(r);", real(1e5)),
-        ("4.2 CHAR to STRING", "c : CHAR; s : STRING[4];", "c := 'A'; s := c; MB102 := CHAR_TO_BYTE(s[1]); MB103 := 0;", 0x4100),
+        (
+            "4.2 CHAR to STRING",
+            "c : CHAR; s : STRING[4];",
+            "c := 'A'; s := c; MB102 := CHAR_TO_BYTE(s[1]); MB103 := 0;",
+            0x4100,
+        ),
         ("4.2 a CHAR beside a STRING", "c : CHAR; s : STRING[4];", "c := 'A'; s := 'A'; M103.0 := s = c;", 1),
         ("4.2 INT for a REAL parameter", NUMBERS, "i := 4; MD100 := REAL_TO_DWORD(SQRT(i));", real(2.0)),
         ("4.2 TIME * INT", NUMBERS, "i := -3; t := T#2s * i; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 0xFFFF_E890),
@@ -64,22 +70,72 @@ fn line_2_implicit_conversions() {
 fn line_3_arithmetic() {
     rows(&[
         ("4.3 INT", NUMBERS, "i := 200; k := 200; d := i * k; MD100 := DINT_TO_DWORD(d);", 0xFFFF_9C40),
-        ("4.3 the target has no say", NUMBERS, "i := 10; k := 5; d := 1; d := (i + k) * 3600 + d; MD100 := DINT_TO_DWORD(d);", 0xFFFF_D2F1),
+        (
+            "4.3 the target has no say",
+            NUMBERS,
+            "i := 10; k := 5; d := 1; d := (i + k) * 3600 + d; MD100 := DINT_TO_DWORD(d);",
+            0xFFFF_D2F1,
+        ),
         ("4.3 widened to the larger", NUMBERS, "i := 10; d := 5; MD100 := DINT_TO_DWORD((i + d) * 3600);", 54_000),
         ("4.3 REAL beside INT", NUMBERS, "i := 3; r := 0.5; MD100 := REAL_TO_DWORD(i * r);", real(1.5)),
         ("4.3 REAL beside DINT", NUMBERS, "d := 3; r := 2.0; MD100 := REAL_TO_DWORD(d / r);", real(1.5)),
         ("4.3 MOD and DIV of INT", NUMBERS, "i := 17; k := 5; MW102 := INT_TO_WORD(i MOD k * 100 + i DIV k);", 203),
-        ("4.3 MOD and DIV of DINT", NUMBERS, "d := 170000; i := 1000; MD100 := DINT_TO_DWORD(d DIV i * 100 + d MOD 9);", 17_008),
+        (
+            "4.3 MOD and DIV of DINT",
+            NUMBERS,
+            "d := 170000; i := 1000; MD100 := DINT_TO_DWORD(d DIV i * 100 + d MOD 9);",
+            17_008,
+        ),
         ("4.3 ** is REAL", NUMBERS, "i := 3; r := i ** 2; MD100 := REAL_TO_DWORD(r);", real(9.0)),
-        ("4.3 TIME + TIME", NUMBERS, "t := T#1s; t := t + T#500ms - T#100ms; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 1400),
+        (
+            "4.3 TIME + TIME",
+            NUMBERS,
+            "t := T#1s; t := t + T#500ms - T#100ms; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));",
+            1400,
+        ),
         ("4.3 TIME * DINT", NUMBERS, "d := 70000; t := T#2ms * d; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 140_000),
-        ("4.3 TOD + TIME", NUMBERS, "z := TOD#10:0:0; z := z + T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(z));", 36_001_000),
-        ("4.3 TOD - TIME", NUMBERS, "z := TOD#10:0:0; z := z - T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(z));", 35_999_000),
-        ("4.3 TOD - TOD", NUMBERS, "z := TOD#1:0:0; t := z - TOD#1:0:2; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 0xFFFF_F830),
-        ("4.3 DATE - DATE", NUMBERS, "y := D#1990-1-3; t := y - D#1990-1-1; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 172_800_000),
-        ("4.3 DT - DT", "a, b : DT;", "a := DT#2020-1-1-0:0:1; b := DT#2020-1-1-0:0:0; MD100 := DINT_TO_DWORD(TIME_TO_DINT(a - b));", 1000),
-        ("4.3 DT + TIME", "a : DT;", "a := DT#2020-12-31-23:59:59; a := a + T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(DT_TOD(a)));", 0),
-        ("4.3 DT - TIME", "a : DT;", "a := DT#2020-1-1-0:0:0; a := a - T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(DT_TOD(a)));", 86_399_000),
+        (
+            "4.3 TOD + TIME",
+            NUMBERS,
+            "z := TOD#10:0:0; z := z + T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(z));",
+            36_001_000,
+        ),
+        (
+            "4.3 TOD - TIME",
+            NUMBERS,
+            "z := TOD#10:0:0; z := z - T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(z));",
+            35_999_000,
+        ),
+        (
+            "4.3 TOD - TOD",
+            NUMBERS,
+            "z := TOD#1:0:0; t := z - TOD#1:0:2; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));",
+            0xFFFF_F830,
+        ),
+        (
+            "4.3 DATE - DATE",
+            NUMBERS,
+            "y := D#1990-1-3; t := y - D#1990-1-1; MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));",
+            172_800_000,
+        ),
+        (
+            "4.3 DT - DT",
+            "a, b : DT;",
+            "a := DT#2020-1-1-0:0:1; b := DT#2020-1-1-0:0:0; MD100 := DINT_TO_DWORD(TIME_TO_DINT(a - b));",
+            1000,
+        ),
+        (
+            "4.3 DT + TIME",
+            "a : DT;",
+            "a := DT#2020-12-31-23:59:59; a := a + T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(DT_TOD(a)));",
+            0,
+        ),
+        (
+            "4.3 DT - TIME",
+            "a : DT;",
+            "a := DT#2020-1-1-0:0:0; a := a - T#1s; MD100 := DINT_TO_DWORD(TOD_TO_DINT(DT_TOD(a)));",
+            86_399_000,
+        ),
     ]);
     refused(
         "FC900",
@@ -131,10 +187,20 @@ fn line_5_bit_operators() {
 fn line_6_nothing_to_do() {
     rows(&[
         ("4.6 WORD INT", NUMBERS, "w := 16#FFFE; i := WORD_TO_INT(w); MW102 := INT_TO_WORD(i);", 0xFFFE),
-        ("4.6 DWORD DINT", NUMBERS, "dw := 16#FFFFFFFE; d := DWORD_TO_DINT(dw); MD100 := DINT_TO_DWORD(d);", 0xFFFF_FFFE),
+        (
+            "4.6 DWORD DINT",
+            NUMBERS,
+            "dw := 16#FFFFFFFE; d := DWORD_TO_DINT(dw); MD100 := DINT_TO_DWORD(d);",
+            0xFFFF_FFFE,
+        ),
         ("4.6 TIME DINT", NUMBERS, "t := DINT_TO_TIME(1234); MD100 := DINT_TO_DWORD(TIME_TO_DINT(t));", 1234),
         ("4.6 TOD DINT", NUMBERS, "z := DINT_TO_TOD(1234); MD100 := DINT_TO_DWORD(TOD_TO_DINT(z));", 1234),
-        ("4.6 DWORD to REAL takes the bits", NUMBERS, "dw := 16#40490FDB; r := DWORD_TO_REAL(dw); MD100 := REAL_TO_DWORD(r);", 0x4049_0FDB),
+        (
+            "4.6 DWORD to REAL takes the bits",
+            NUMBERS,
+            "dw := 16#40490FDB; r := DWORD_TO_REAL(dw); MD100 := REAL_TO_DWORD(r);",
+            0x4049_0FDB,
+        ),
         ("4.6 DATE to DINT without sign", NUMBERS, "y := D#2100-1-1; MD100 := DINT_TO_DWORD(DATE_TO_DINT(y));", 40_177),
     ]);
 }
@@ -152,7 +218,12 @@ fn lines_7_to_9_widening_and_cutting() {
         ("4.8 INT_TO_DINT", NUMBERS, "i := -1; MD100 := DINT_TO_DWORD(INT_TO_DINT(i));", u32::MAX),
         ("4.8 DINT_TO_REAL", NUMBERS, "d := -7; MD100 := REAL_TO_DWORD(DINT_TO_REAL(d));", real(-7.0)),
         ("4.8 INT_TO_REAL", NUMBERS, "i := -7; MD100 := REAL_TO_DWORD(INT_TO_REAL(i));", real(-7.0)),
-        ("4.8 BOOL_TO_x", NUMBERS, "x := TRUE; MW102 := INT_TO_WORD(BOOL_TO_INT(x)); MB102 := BOOL_TO_BYTE(x);", 0x0101),
+        (
+            "4.8 BOOL_TO_x",
+            NUMBERS,
+            "x := TRUE; MW102 := INT_TO_WORD(BOOL_TO_INT(x)); MB102 := BOOL_TO_BYTE(x);",
+            0x0101,
+        ),
         ("4.8 BOOL_TO_DWORD", NUMBERS, "x := TRUE; MD100 := BOOL_TO_DWORD(x);", 1),
         ("4.8 x_TO_BOOL", NUMBERS, "w := 16#FFFE; M103.0 := WORD_TO_BOOL(w); i := 3; M103.1 := INT_TO_BOOL(i);", 2),
         ("4.8 x_TO_BOOL", NUMBERS, "b := 5; M103.0 := BYTE_TO_BOOL(b); dw := 2; M103.1 := DWORD_TO_BOOL(dw);", 1),
@@ -181,10 +252,20 @@ fn lines_10_to_13_of_longer_numbers_reals_decimals_and_texts() {
         ("4.12 WORD_BCD_TO_INT", NUMBERS, "w := 16#123; MW102 := INT_TO_WORD(WORD_BCD_TO_INT(w));", 123),
         ("4.12 INT_TO_BCD", NUMBERS, "i := 987; MW102 := INT_TO_BCD(i);", 0x987),
         ("4.12 INT_TO_BCD_WORD", NUMBERS, "i := -1; MW102 := INT_TO_BCD_WORD(i);", 0xF001),
-        ("4.12 DWORD_BCD_TO_DINT", NUMBERS, "dw := 16#1234567; MD100 := DINT_TO_DWORD(DWORD_BCD_TO_DINT(dw));", 1_234_567),
+        (
+            "4.12 DWORD_BCD_TO_DINT",
+            NUMBERS,
+            "dw := 16#1234567; MD100 := DINT_TO_DWORD(DWORD_BCD_TO_DINT(dw));",
+            1_234_567,
+        ),
         ("4.12 DINT_TO_BCD_DWORD", NUMBERS, "d := 1234567; MD100 := DINT_TO_BCD_DWORD(d);", 0x0123_4567),
         ("4.12 DINT_TO_BCD", NUMBERS, "d := 42; MD100 := DINT_TO_BCD(d);", 0x42),
-        ("4.12 the code of a CHAR", "c : CHAR; i : INT;", "c := 'a'; i := CHAR_TO_INT(c); MW102 := INT_TO_WORD(i);", 97),
+        (
+            "4.12 the code of a CHAR",
+            "c : CHAR; i : INT;",
+            "c := 'a'; i := CHAR_TO_INT(c); MW102 := INT_TO_WORD(i);",
+            97,
+        ),
         ("4.12 INT_TO_CHAR", "c : CHAR; i : INT;", "i := 97; c := INT_TO_CHAR(i); M103.0 := c = 'a';", 1),
         ("4.12 BYTE_TO_CHAR", "c : CHAR; b : BYTE;", "b := 16#41; c := BYTE_TO_CHAR(b); M103.0 := c = 'A';", 1),
         ("4.13 INT_TO_STRING", TEXTS, "i := -12; s := ''; s := INT_TO_STRING(i); M103.0 := s = '-12';", 1),
@@ -193,7 +274,12 @@ fn lines_10_to_13_of_longer_numbers_reals_decimals_and_texts() {
         ("4.13 STRING_TO_INT", TEXTS, "s := '-123'; MW102 := INT_TO_WORD(STRING_TO_INT(s));", 0xFF85),
         ("4.13 STRING_TO_DINT", TEXTS, "s := '100000'; MD100 := DINT_TO_DWORD(STRING_TO_DINT(s));", 100_000),
         ("4.13 BLOCK_DB", "w : WORD;", "w := 7; MW102 := BLOCK_DB_TO_WORD(WORD_TO_BLOCK_DB(w));", 7),
-        ("4.13 S5TIME_TO_TIME", "s : S5TIME;", "s := S5T#2s; MD100 := DINT_TO_DWORD(TIME_TO_DINT(S5TIME_TO_TIME(s)));", 2000),
+        (
+            "4.13 S5TIME_TO_TIME",
+            "s : S5TIME;",
+            "s := S5T#2s; MD100 := DINT_TO_DWORD(TIME_TO_DINT(S5TIME_TO_TIME(s)));",
+            2000,
+        ),
         ("4.13 TIME_TO_S5TIME", "s : S5TIME; t : TIME;", "t := T#2s; s := TIME_TO_S5TIME(t); M103.0 := s = S5T#2s;", 1),
     ]);
 }
@@ -212,7 +298,12 @@ fn line_14_conversions_of_tia_portal() {
         ("4.14 half to even", TIA, "#r := 0.5; #i := REAL_TO_INT(#r); MW102 := #i;", 0),
         ("4.14 DWORD_TO_REAL", TIA, "#r := DWORD_TO_REAL(16#3F800000); MD100 := REAL_TO_DWORD(#r);", real(1.0)),
         ("4.14 UINT_TO_REAL", TIA, "#u := 50000; #r := UINT_TO_REAL(#u); MD100 := REAL_TO_DWORD(#r);", real(50_000.0)),
-        ("4.14 UDINT_TO_REAL", TIA, "#n := 16#C000_0000; #r := UDINT_TO_REAL(#n); MD100 := REAL_TO_DWORD(#r);", real(3_221_225_472.0)),
+        (
+            "4.14 UDINT_TO_REAL",
+            TIA,
+            "#n := 16#C000_0000; #r := UDINT_TO_REAL(#n); MD100 := REAL_TO_DWORD(#r);",
+            real(3_221_225_472.0),
+        ),
         ("4.14 REAL_TO_UDINT", TIA, "#r := 3.0E9; #n := REAL_TO_UDINT(#r); MD100 := #n;", 3_000_000_000),
         ("4.14 REAL_TO_UDINT", TIA, "#r := 7.4; #n := REAL_TO_UDINT(#r); MD100 := #n;", 7),
         ("4.14 USINT_TO_INT", TIA, "#s := 200; #i := USINT_TO_INT(#s); MW102 := #i;", 200),
@@ -223,15 +314,22 @@ fn line_14_conversions_of_tia_portal() {
 
 #[test]
 fn line_15_sizes_of_tia_portal() {
-    let sizes = "DATA_BLOCK DB9 STRUCT a : USInt; b : USInt; c : UInt; d : USInt; e : UDInt; f : DTL; g : UInt; h : WChar;
+    let sizes =
+        "DATA_BLOCK DB9 STRUCT a : USInt; b : USInt; c : UInt; d : USInt; e : UDInt; f : DTL; g : UInt; h : WChar;
         END_STRUCT BEGIN END_DATA_BLOCK";
-    for (component, word) in [("a", 0), ("c", 2), ("e", 6), ("f.YEAR", 10), ("f.NANOSECOND", 18), ("g", 22), ("h", 24)] {
+    for (component, word) in [("a", 0), ("c", 2), ("e", 6), ("f.YEAR", 10), ("f.NANOSECOND", 18), ("g", 22), ("h", 24)]
+    {
         let statements = format!("\"DB9\".{component} := 1; MD100 := 0; MB103 := DB9.DB[{word}];");
         // The lowest byte is that of the last address.
         let mut cpu = run(sizes, "", &statements.replace("\"DB9\"", "DB9"));
         let first = if matches!(component, "a") { 1 } else { 0 };
         assert_eq!(result(&mut cpu), first, "4.15 {component} begins at {word}");
-        let last = word + match component { "a" => 0, "e" | "f.NANOSECOND" => 3, _ => 1 };
+        let last = word
+            + match component {
+                "a" => 0,
+                "e" | "f.NANOSECOND" => 3,
+                _ => 1,
+            };
         let mut cpu = run(sizes, "", &format!("DB9.{component} := 1; MB103 := DB9.DB[{last}];"));
         assert_eq!(result(&mut cpu), 1, "4.15 {component} ends at {last}");
     }
