@@ -603,8 +603,8 @@ fn scl_sources_lie_beside_and_run_with_the_option() {
     let project = project(&site, &NewProject { sources, ..step7::example() }.files());
     for (folder, options, runs) in [("plain", &[][..], "FC_1.awl"), ("taken", &["--scl"][..], "Latch.scl")] {
         let out = site.path(folder);
-        let args = [&["import", &project, "--out", &out.display().to_string()][..], options].concat();
-        site.ob1(&args).fine();
+        let folder = out.display().to_string();
+        site.ob1(&[&["import", &project, "--out", &folder][..], options].concat()).fine();
         assert_eq!(text(&out.join("scl/Latch.scl")), latch);
         let report = text(&out.join("report.txt"));
         let how = if options.is_empty() {
