@@ -54,8 +54,8 @@ impl Code {
         }
     }
 
-    /// ACCU2 by ACCU1: half of the dividend is divided with sign, twice the quotient is at most one too small. A divisor
-    /// with the highest bit fits once or not at all.
+    /// ACCU2 by ACCU1: half of the dividend is divided with sign, and twice that quotient is at most one too small. A
+    /// divisor with the highest bit fits once or not at all.
     fn divide(&mut self) -> (Operand, Operand) {
         let divisor = self.keep();
         self.op(Op::ExchangeAccus);

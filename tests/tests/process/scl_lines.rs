@@ -1,12 +1,15 @@
-//! Programs of SCL in a running station: program status, breakpoints, the line of a fault.
+//! Programs of SCL in a running station: program status and breakpoints with their lines; SCL sources of a project.
 
 use std::io::Write as _;
 use std::process::Stdio;
 
+use ob1_project::NewProject;
 use ob1_station::access::protocol::Op;
+use ob1_tests::step7;
 
 use crate::common::program;
 use crate::common::site::Site;
+use crate::import::{project, text};
 
 const SOURCE: &str = "\
 FUNCTION FC5 : INT
@@ -82,5 +85,40 @@ fn status_and_breakpoints_have_the_lines_of_the_source() {
             assert!(said.contains(part), "{part}: {said}");
         }
         assert_eq!(station.interrupt().code(), Some(0));
+    }
+}
+
+/// SCL sources of a project lie beside the station, and run in the place of the machine code when that is wanted.
+#[test]
+fn scl_sources_lie_beside_and_run_with_the_option() {
+    let site = Site::new();
+    let latch = "FUNCTION FC1 : VOID\nVAR_INPUT\n    Start, Stop : BOOL;\nEND_VAR\nVAR_OUTPUT\n    Motor : BOOL;\nEND_VAR\nBEGIN\n    \
+                 Motor := (Start OR Motor) AND NOT Stop;     // für immer\nEND_FUNCTION\n";
+    let source = |name: &str, text: &str| ob1_project::SourceText { name: name.into(), stl: false, text: text.into() };
+    let changed = latch.replace("FC1", "FC2");
+    let sources = vec![source("Latch", latch), source("Hidden", &changed)];
+    let project = project(&site, &NewProject { sources, ..step7::example() }.files());
+    for (folder, options, runs) in [("plain", &[][..], "FC_1.awl"), ("taken", &["--scl"][..], "Latch.scl")] {
+        let out = site.path(folder);
+        let folder = out.display().to_string();
+        site.ob1(&[&["import", &project, "--out", &folder][..], options].concat()).fine();
+        assert_eq!(text(&out.join("scl/Latch.scl")), latch);
+        let report = text(&out.join("report.txt"));
+        let how = if options.is_empty() {
+            "can run in its place: --scl takes them"
+        } else {
+            "run in the place of the machine code"
+        };
+        let beside = format!(
+            "2 SCL sources of the project lie here; 1 compile and declare the interface of their blocks, and {how}"
+        );
+        assert!(report.contains(&beside), "{report}");
+        let stays = "scl/Hidden.scl: its blocks stay as they were compiled: it declares other parameters than FC 2 was compiled with";
+        assert!(report.contains(stays), "{report}");
+        let station = out.join("station.toml").display().to_string();
+        site.ob1(&["check", &station]).fine();
+        let listed = text(&out.join("station.toml"));
+        assert!(listed.contains(runs) && listed.contains("FC_1.awl") != listed.contains("Latch.scl"), "{listed}");
+        site.ob1(&["run", &station, "--scans", "20", "--quiet"]).fine();
     }
 }
