@@ -146,6 +146,7 @@ pub fn example() -> NewProject {
             symbol("Motor", "A     4.0", "Q     4.0", "BOOL"),
             symbol("Lamp", "A     4.1", "Q     4.1", "BOOL"),
         ],
+        sources: Vec::new(),
         cpu: Some(Cpu {
             name: "CPU 315-2 DP".into(),
             s7_400: false,

@@ -21,16 +21,26 @@ pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool
         })
 }
 
+/// The compiler of SCL puts the declarations of a data block into one more structure. Without it, where the text has
+/// none.
+fn unframed(compiled: &CompiledInterface, text: &[Component]) -> Option<CompiledInterface> {
+    let is_structure = matches!(text, [Component { ty: DataType::Struct(_), .. }]);
+    let [Entry { ty: EntryType::Struct(inner), .. }] = compiled.entries.as_slice() else { return None };
+    (!text.is_empty() && !is_structure).then(|| CompiledInterface { entries: inner.clone(), ..compiled.clone() })
+}
+
 /// The same of a global data block.
 #[must_use]
 pub(crate) fn agree_data(compiled: &CompiledInterface, components: &[Component]) -> bool {
+    let unframed = unframed(compiled, components);
+    let compiled = unframed.as_ref().unwrap_or(compiled);
     let made = compiled.interface(false).params;
     compiled.kind != InterfaceKind::Global
         || made.len() == components.len() && made.iter().zip(components).all(|(a, b)| alike(&a.ty, &b.ty))
 }
 
 /// The same type, except for names.
-fn alike(a: &DataType, b: &DataType) -> bool {
+pub(crate) fn alike(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
         (DataType::Struct(_), DataType::Struct(b)) if is_unknown(b) => true,
         (DataType::Struct(a), DataType::Struct(b)) => {
@@ -124,6 +134,8 @@ pub(crate) fn declarations(
 /// order.
 #[must_use]
 pub(crate) fn structure(compiled: &CompiledInterface, text: &[Component], known: &dyn Fn(BlockId) -> bool) -> String {
+    let unframed = unframed(compiled, text);
+    let compiled = unframed.as_ref().unwrap_or(compiled);
     let made = compiled.interface(false).params;
     let agreed = text.iter().zip(&made).take_while(|(theirs, made)| alike(&made.ty, &theirs.ty));
     let field = |theirs: &Component| Field { name: theirs.path.clone(), ty: theirs.ty.clone(), initial: None };
@@ -212,6 +224,11 @@ mod tests {
             component("now_long", DataType::DInt),
         ];
         let made = structure(&compiled, &text, &|_| false);
+        // As SCL compiles it: within one more structure.
+        let frame = vec![entry(EntryType::Struct(compiled.entries.clone()))];
+        let framed = CompiledInterface { entries: frame, ..compiled.clone() };
+        assert_eq!(structure(&framed, &text, &|_| false), made);
+        assert!(agree_data(&framed, &compiled.components()) && !agree_data(&framed, &text));
         let words: Vec<&str> = made.split_whitespace().collect();
         let wanted = "STRUCT first : INT ; data : STRUCT C0 : INT ; C1 : BOOL ; END_STRUCT ; level : REAL ; C3 : INT ; \
                       END_STRUCT ;";

@@ -9,6 +9,7 @@ use crate::dbf_writer::{Cell, TableWriter};
 use crate::folder::{Block, Head, KINDS, Language, Part, UDT, Udt};
 use crate::hardware::{self, Cpu, DpSystem, Module};
 use crate::links::{self, Links};
+use crate::sources::{self, SourceText};
 use crate::symbols::{self, SymbolRow};
 use crate::text::CodePage;
 use crate::tree::Files;
@@ -28,6 +29,8 @@ pub struct NewProject {
     pub udts: Vec<(u16, Udt)>,
     /// Rows of its symbol table.
     pub symbols: Vec<SymbolRow>,
+    /// Its source texts.
+    pub sources: Vec<SourceText>,
     /// The CPU and its station; none: a program by itself.
     pub cpu: Option<Cpu>,
     /// The modules of the station.
@@ -40,6 +43,7 @@ pub struct NewProject {
 const PROGRAM_ID: u32 = 1;
 const FOLDER_ID: u32 = 1;
 const LIST_ID: u32 = 101;
+const SOURCES_ID: u32 = 1;
 
 impl NewProject {
     /// The files of the project.
@@ -52,6 +56,7 @@ impl NewProject {
         self.programs(&mut files);
         self.block_folder(&mut files);
         self.symbol_list(&mut files);
+        sources::write(&self.sources, SOURCES_ID, self.page, &mut files);
         hardware::write(self.cpu.as_ref(), &self.modules, &self.dp, i64::from(PROGRAM_ID), self.page, &mut files);
         files
     }
@@ -76,7 +81,8 @@ impl NewProject {
         files.put("hrs/S7RESOFF.DBF", table.finish().0);
         let mut lnk = vec![0u8; 512];
         let list = (!self.symbols.is_empty()).then_some(i64::from(LIST_ID));
-        lnk.extend(links::write(512, Links { folder: Some(FOLDER_ID), symbols: list, sources: None }));
+        let sources = (!self.sources.is_empty()).then_some(SOURCES_ID);
+        lnk.extend(links::write(512, Links { folder: Some(FOLDER_ID), symbols: list, sources }));
         files.put("hrs/linkhrs.lnk", lnk);
     }
 

@@ -3,7 +3,7 @@
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
     Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, DpModule, DpSlave, DpSystem, FileSource, Files,
-    Folder, Head, Line, Module, Network, NewProject, Project, SymbolRow, Tree, Udt,
+    Folder, Head, Line, Module, Network, NewProject, Project, SourceText, SymbolRow, Tree, Udt,
 };
 use proptest::prelude::*;
 
@@ -48,6 +48,14 @@ fn example() -> NewProject {
             ty: "BOOL".into(),
             comment: String::new(),
         }],
+        sources: vec![
+            SourceText {
+                name: "насос".into(),
+                stl: false,
+                text: "FUNCTION FC1 : VOID\r\n// пуск\r\nEND_FUNCTION\r\n".into(),
+            },
+            SourceText { name: "stl".into(), stl: true, text: String::new() },
+        ],
         cpu: Some(Cpu {
             name: "CPU 315-2 DP".into(),
             s7_400: false,
@@ -157,6 +165,7 @@ fn what_is_written_is_read() {
     assert_eq!(project.hardware.modules, example.modules);
     let tree = Tree::new(&files);
     assert_eq!(project.symbols(&tree, project.choices()[0], &mut Vec::new()), example.symbols);
+    assert_eq!(project.sources(&tree, project.choices()[0]), example.sources);
     let folder = &folders[0];
     assert_eq!(folder.notes, []);
     assert_eq!(folder.blocks.len(), 3);

@@ -78,7 +78,15 @@ impl<'c> Checker<'c> {
                 let (Some(n), Some(kind)) = (n, word.kind()) else { return Some(None) };
                 let id = BlockId::new(kind, n);
                 if id == self.id && !matches!(reference.steps.get(used), Some(Step::Call(_))) {
-                    return Some(self.own_result(span).map(|named| (named, used)));
+                    let Some(named) = self.own_result(span) else {
+                        self.report(
+                            span,
+                            &codes::NOT_A_VALUE,
+                            format!("{id} has no value: it is declared without one"),
+                        );
+                        return None;
+                    };
+                    return Some(Some((named, used)));
                 }
                 let named = if kind == BlockKind::Db { Named::Db(n) } else { Named::Block(id) };
                 Some(Some((named, used)))

@@ -25,11 +25,7 @@ impl<'c> Checker<'c> {
     /// A call of a library function that an operator or conversion becomes.
     pub(crate) fn library(&mut self, name: &str, values: Vec<Typed<'c>>, span: Span) -> Option<Typed<'c>> {
         let Some(id) = self.block_called(name) else {
-            let key = format!("{name}(");
-            self.sink.missing(&key, self.block.file, span, &codes::UNKNOWN_NAME, |_| {
-                let message = format!("this needs the block {name} of the IEC library, and it is not there");
-                (message, format!("Load {name}, or the IEC library (docs/standard-blocks.md)."))
-            });
+            self.lacks(name, span);
             return None;
         };
         let info = self.world.blocks.get(&id)?;
@@ -41,6 +37,15 @@ impl<'c> Checker<'c> {
             actuals.push(Actual { index, formal, value });
         }
         Some(self.call_node(id, Target::Block(id), None, None, actuals, span))
+    }
+
+    /// A statement needs a block of the library that is not there.
+    pub(crate) fn lacks(&mut self, name: &str, span: Span) {
+        let key = format!("{name}(");
+        self.sink.missing(&key, self.block.file, span, &codes::UNKNOWN_NAME, |_| {
+            let message = format!("this needs the block {name} of the IEC library, and it is not there");
+            (message, format!("Load {name}, or the IEC library (docs/standard-blocks.md)."))
+        });
     }
 
     fn call_node(
@@ -119,6 +124,11 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<Named<'c>> {
         let id = called_with(id, made_for);
+        if id != made_for && !same_instance(id, made_for) {
+            let message = format!("this is an instance of {made_for}, not of {id}");
+            self.report(span, &codes::NO_INSTANCE, message);
+            return None;
+        }
         match var.base {
             Base::Db(db) if var.terms.is_empty() => {
                 let target = Target::Local(id, var.at);
@@ -191,12 +201,13 @@ impl<'c> Checker<'c> {
             if let Some(name) = arg.name
                 && info.interface.formal(self.name(name)).is_none()
             {
-                if self.name(name).eq_ignore_ascii_case("EN") {
-                    enable = arg.value.as_ref().and_then(|value| self.expr_as(value, &BOOL));
-                    continue;
-                }
-                if self.name(name).eq_ignore_ascii_case("ENO") {
-                    enabled = arg.value.as_ref().map(|value| self.expr(value)).filter(|v| *v.ty == DataType::Bool);
+                let called = self.name(name);
+                let is_enable = called.eq_ignore_ascii_case("EN");
+                if is_enable || called.eq_ignore_ascii_case("ENO") {
+                    let Some(value) = &arg.value else { continue };
+                    let value = if is_enable { self.expr_as(value, &BOOL) } else { self.eno(value) };
+                    good &= value.is_some();
+                    *(if is_enable { &mut enable } else { &mut enabled }) = value;
                     continue;
                 }
             }
@@ -209,8 +220,12 @@ impl<'c> Checker<'c> {
                 good = false;
                 continue;
             }
+            let Some(value) = &arg.value else {
+                // `=>` with nothing behind it; an input of a function is missing then.
+                given.extend((id.kind.has_instance() || formal.section == Section::Output).then_some(index));
+                continue;
+            };
             given.push(index);
-            let Some(value) = &arg.value else { continue };
             let value = self.expr(value);
             match self.actual(id, formal, value, arg) {
                 Some(value) => actuals.push(Actual { index, formal, value }),
@@ -241,6 +256,18 @@ impl<'c> Checker<'c> {
         Some(node)
     }
 
+    /// The variable behind `ENO =>`.
+    fn eno(&mut self, value: &crate::syntax::Expr) -> Option<Typed<'c>> {
+        let value = self.expr(value).good()?;
+        let fits = *value.ty == DataType::Bool && matches!(value.kind, Kind::Var(_) | Kind::Ok | Kind::Eno);
+        if !fits {
+            self.report(value.span, &codes::ACTUAL, "ENO gives a BOOL: it takes a variable of this type");
+            return None;
+        }
+        self.mark_written(&value);
+        Some(value)
+    }
+
     /// The formal that an argument is for.
     fn formal(
         &mut self,
@@ -259,7 +286,12 @@ impl<'c> Checker<'c> {
             return found;
         };
         let name = self.name(token);
-        let found = formals.iter().enumerate().find(|(_, p)| p.is_called(name)).map(|(index, formal)| (index, *formal));
+        let mut all = formals.iter().enumerate().map(|(index, formal)| (index, *formal));
+        let mut found = all.clone().find(|(_, p)| p.is_called(name));
+        // TIA Portal calls the only input of LEN so.
+        if found.is_none() && name.eq_ignore_ascii_case("IN") && !self.world.own.contains(&id) {
+            found = all.find(|_| formals.iter().filter(|p| p.section != Section::Return).count() == 1);
+        }
         if found.is_none() {
             let known: Vec<&str> = formals.iter().map(|p| p.name.as_str()).collect();
             let message = format!("{} has no parameter {name}", called(id, info));
@@ -297,15 +329,19 @@ impl<'c> Checker<'c> {
             return self.coerced(value, to);
         }
         let fits = match (to, value.ty) {
-            (DataType::Any | DataType::Pointer, _) => true,
-            (DataType::String(_), DataType::String(_)) => true,
+            (DataType::Any | DataType::Pointer, _) => {
+                if !matches!(value.kind, Kind::Var(_) | Kind::Bytes(_) | Kind::Block(Number::Fixed(_))) {
+                    let message = format!("{} of {id} leads to a variable: it takes one, and no value", formal.name);
+                    self.report(value.span, &codes::ACTUAL, message);
+                    return None;
+                }
+                true
+            }
+            (DataType::String(_), DataType::String(_) | DataType::Char) => true,
             (a, b) if a.is_parameter_type() => a == b || matches!(a, DataType::TimerOrWord),
             (a, b) if a.is_composed() => same(a, b),
             _ => return self.coerced(value, to),
         };
-        if *to == DataType::String(254) && *value.ty == DataType::Char {
-            return self.coerced(value, to);
-        }
         if !fits {
             let message = format!(
                 "{} of {id} is {}, this is {}",

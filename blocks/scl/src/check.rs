@@ -41,6 +41,12 @@ impl<'c> Checker<'c> {
         self.sink.report_with(self.block.file, span, code, message, remedy);
     }
 
+    /// The line in which a part of a statement begins.
+    pub(crate) fn line_of(&self, span: Span) -> u32 {
+        let at = self.file.tokens.partition_point(|token| token.span.start < span.start);
+        self.file.tokens.get(at).map_or(self.line, |token| token.line)
+    }
+
     pub(crate) fn text(&self, token: Token) -> &'c str {
         self.file.of(token)
     }
@@ -50,6 +56,7 @@ impl<'c> Checker<'c> {
         unquote(self.file.of(token))
     }
 
+    /// What stands in the place of a value with a mistake that is reported.
     pub(crate) const fn bad(&self, span: Span) -> Typed<'c> {
         Typed::new(Kind::Bad, &INT, span)
     }

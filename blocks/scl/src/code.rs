@@ -41,6 +41,10 @@ pub(crate) struct Code {
     pub(crate) texts: BTreeSet<usize>,
     /// A function block.
     pub(crate) has_instance: bool,
+    /// Something was not made: a value that has no operations here. The statement then needs an error.
+    pub(crate) lost: bool,
+    /// A text is to be copied, and no block is there that does it.
+    pub(crate) lacks_texts: bool,
 }
 
 impl Code {
@@ -61,11 +65,18 @@ impl Code {
             elementary: BTreeSet::new(),
             texts: BTreeSet::new(),
             has_instance: false,
+            lost: false,
+            lacks_texts: false,
         }
     }
 
     pub(crate) fn op(&mut self, op: Op) {
         self.ops.push(Stmt { op, network: 1, line: self.line });
+    }
+
+    /// Nothing is made of this.
+    pub(crate) const fn lose(&mut self) {
+        self.lost = true;
     }
 
     pub(crate) fn label(&mut self) -> Label {

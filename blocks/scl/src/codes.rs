@@ -73,4 +73,6 @@ codes! {
         "Temporaries and VAR of a function have no start value: assign it first.";
     // Limits
     NOT_SUPPORTED = "S2901", Error, "SCL that this compiler does not know yet.", "Write it in another way.";
+    LOST = "S2902", Error, "A statement is left out, and no message says why: a fault of this compiler.",
+        "Write it in another way, and report the statement.";
 }

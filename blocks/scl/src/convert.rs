@@ -88,6 +88,8 @@ fn path(from: &DataType, to: &DataType) -> Option<(Vec<Op>, Check)> {
         (DInt, Int) => (Vec::new(), Check::Int),
         (DWord, Int | Word) | (DInt, Word) => (vec![mask(0xFFFF)], Check::Bits(0xFFFF_0000)),
         (DInt | DWord, Date) => (vec![mask(0xFFFF)], Check::Bits(0xFFFF_0000)),
+        (Time, Int) => (Vec::new(), Check::Int),
+        (Time, Word) | (Byte | Word, Time) => (vec![mask(0xFFFF)], Check::Never),
         (Real, DInt) => (vec![rounded()], Check::Overflow),
         (Real, Int) => (vec![rounded()], Check::OverflowOrInt),
         (Byte, Real) => (vec![mask(0xFF), Op::Convert(Convert::Dtr)], Check::Never),

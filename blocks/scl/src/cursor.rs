@@ -15,11 +15,14 @@ pub(crate) struct Cursor<'c, 's> {
     pub(crate) depth: u32,
     /// The end of the last token that was read, for messages about something missing behind it.
     last: Span,
+    /// Tokens that are none, which the lexer has reported.
+    bad: u64,
 }
 
 impl<'c, 's> Cursor<'c, 's> {
     pub(crate) fn new(index: usize, file: &'c File<'s>, sink: &'c mut Sink, range: Tokens) -> Self {
-        let mut cursor = Self { index, file, sink, at: range.start, end: range.end, depth: 0, last: Span::default() };
+        let mut cursor =
+            Self { index, file, sink, at: range.start, end: range.end, depth: 0, last: Span::default(), bad: 0 };
         cursor.settle();
         cursor
     }
@@ -49,6 +52,7 @@ impl<'c, 's> Cursor<'c, 's> {
     pub(crate) fn bump(&mut self) {
         if let Some(token) = self.peek() {
             self.last = token.span;
+            self.bad += u64::from(token.kind == Kind::Bad);
         }
         self.at += 1;
         self.sink.steps += 1;
@@ -88,6 +92,11 @@ impl<'c, 's> Cursor<'c, 's> {
     /// Behind the last token.
     pub(crate) fn behind(&self) -> Span {
         self.last
+    }
+
+    /// Grows with each error that was reported about what was read.
+    pub(crate) const fn said(&self) -> u64 {
+        self.sink.said() + self.bad
     }
 
     pub(crate) fn report(&mut self, span: Span, code: &'static Code, message: impl Into<String>) {

@@ -41,12 +41,11 @@ impl Code {
             }
             Kind::Logic(logic, inputs) => self.chain(*logic, inputs),
             Kind::Select(all) => self.select_bit(all),
-            Kind::Call(call) => {
-                if let Some(place) = self.call(call, None) {
-                    self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(place) });
-                }
-            }
-            _ => self.op(Op::ClearRlo),
+            Kind::Call(call) => match self.call(call, None) {
+                Some(place) => self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(place) }),
+                None => self.lose(),
+            },
+            _ => self.lose(),
         }
     }
 
@@ -64,7 +63,8 @@ impl Code {
             },
             Kind::Timer(number) => BitTest::Timer(*number),
             Kind::Counter(number) => BitTest::Counter(*number),
-            _ => BitTest::Status(StatusBit::BinaryResult),
+            Kind::Eno => BitTest::Status(StatusBit::BinaryResult),
+            _ => return self.lose(),
         };
         self.op(Op::Scan { logic, negate, test });
     }

@@ -42,14 +42,20 @@ impl Code {
             self.op(Op::SaveRlo);
             self.set(end);
         }
-        if let Some(Typed { kind: Kind::Var(var), .. }) = &call.enabled {
+        if let Some(Typed { kind, .. }) = &call.enabled {
             let test = BitTest::Status(StatusBit::BinaryResult);
             self.op(Op::Scan { logic: Logic::And, negate: false, test });
-            let bit = self.take_bit();
-            self.op(Op::Assign(bit));
-            let place = self.place(var);
-            self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(bit) });
-            self.op(Op::Assign(place));
+            match (kind, self.ok) {
+                (Kind::Ok | Kind::Eno, Some(ok)) => self.op(Op::Assign(ok)),
+                (Kind::Var(var), _) => {
+                    let bit = self.take_bit();
+                    self.op(Op::Assign(bit));
+                    let place = self.place(var);
+                    self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(bit) });
+                    self.op(Op::Assign(place));
+                }
+                _ => self.lose(),
+            }
         }
         result
     }
@@ -111,8 +117,7 @@ impl Code {
 
     fn write_back(&mut self, back: &[Back<'_, '_>]) {
         for Back { target, at, formal } in back {
-            let Kind::Var(var) = &target.kind else { continue };
-            let Place::Fixed(_, from) = at.place else { continue };
+            let (Kind::Var(var), Place::Fixed(_, from)) = (&target.kind, at.place) else { return self.lose() };
             let value = Typed::new(Kind::Var(in_local(from)), &formal.ty, target.span);
             let value = match implicit(value, target.ty) {
                 Ok(value) | Err(value) => value,
@@ -161,7 +166,7 @@ impl Code {
         let byte = |place| Arg::Operand(Operand { width: Width::Byte, place });
         match &value.kind {
             Kind::Bytes(bytes) => Arg::Bytes(bytes.clone().into()),
-            Kind::Var(_) if *value.ty == DataType::Char => {
+            _ if *value.ty == DataType::Char => {
                 let at = self.take(4);
                 self.assign(&in_local(at), &DataType::String(2), value);
                 byte(Place::Fixed(Area::Local, at))
@@ -175,10 +180,16 @@ impl Code {
             }
             Kind::Call(call) => match self.call(call, None) {
                 Some(place) => byte(place),
-                None => Arg::Open,
+                None => self.no_arg(),
             },
-            _ => Arg::Open,
+            _ => self.no_arg(),
         }
+    }
+
+    /// Nothing can be handed over.
+    const fn no_arg(&mut self) -> Arg {
+        self.lose();
+        Arg::Open
     }
 
     /// The variable of an output or in/out of a function.
@@ -187,7 +198,7 @@ impl Code {
         if matches!(formal.ty, DataType::Any | DataType::Pointer) {
             return self.pointer(target, &formal.ty);
         }
-        let Kind::Var(var) = &target.kind else { return Arg::Open };
+        let Kind::Var(var) = &target.kind else { return self.no_arg() };
         if formal.ty.is_composed() {
             if var.is_direct() {
                 let place = self.place(var);
@@ -242,7 +253,7 @@ impl Code {
                 };
                 Arg::Bytes(bytes.into())
             }
-            _ => Arg::Open,
+            _ => self.no_arg(),
         }
     }
 
@@ -344,7 +355,7 @@ impl Code {
                 self.op(Op::LoadConst(u32::from(Area::Db.pointer_code()) << 24 | offset.0));
                 self.op(Op::Transfer(to(Width::DWord, at + 2)));
             }
-            _ => {}
+            _ => self.lose(),
         }
     }
 
@@ -360,7 +371,13 @@ impl Code {
         self.op(Op::Call(Box::new(IrCall { mode: CallMode::Call, target, instance: number, args })));
         for actual in call.actuals.iter().filter(|a| a.formal.section != Section::Input) {
             let formal = actual.formal;
-            let Kind::Var(var) = &actual.value.kind else { continue };
+            let Kind::Var(var) = &actual.value.kind else {
+                // A constant pointer.
+                if !matches!(formal.ty, DataType::Any | DataType::Pointer) {
+                    self.lose();
+                }
+                continue;
+            };
             if formal.is_pointer() || matches!(formal.ty, DataType::Any | DataType::Pointer) {
                 continue;
             }
@@ -399,7 +416,7 @@ impl Code {
             self.assign(to, &formal.ty, value);
             return;
         }
-        let Kind::Var(var) = &value.kind else { return };
+        let Kind::Var(var) = &value.kind else { return self.lose() };
         let any = (formal.ty == DataType::Any).then(|| any_length(value.ty));
         let place = self.place(to);
         self.make_pointer(var, any, &|width, byte| Operand { width, place: crate::emit_copy::beyond(place, byte) });

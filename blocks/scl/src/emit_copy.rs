@@ -1,6 +1,8 @@
 //! Assignments: elementary values, texts, whole structures and arrays.
 
-use ob1_ir::{Arg, Call as IrCall, CallMode, Op, Operand, Place, Target, Width};
+use ob1_ir::{
+    AddressRegister, Arg, Call as IrCall, CallMode, Compare, Jump, NumberFormat, Op, Operand, Place, Target, Width,
+};
 use ob1_model::{Area, BitAddr, DataType, Layout};
 
 use crate::code::Code;
@@ -72,12 +74,13 @@ impl Code {
             Kind::Call(call) => {
                 let direct = matches!(target.base, Base::Fixed(Area::Local)) && target.is_direct();
                 let into = if direct { Some(self.place(target)) } else { None };
-                let result = self.call(call, into);
-                if let (None, Some(Place::Fixed(_, at))) = (into, result) {
-                    self.copy(target, &in_local(at), ty);
+                match (into, self.call(call, into)) {
+                    (Some(_), Some(_)) => {}
+                    (None, Some(Place::Fixed(_, at))) => self.copy(target, &in_local(at), ty),
+                    _ => self.lose(),
                 }
             }
-            _ => {}
+            _ => self.lose(),
         }
     }
 
@@ -135,10 +138,49 @@ impl Code {
         }
     }
 
+    /// These bytes into the local data from an even address: short ones by single statements, else zeros by a loop and
+    /// what is not zero behind it.
+    pub(crate) fn fill_local(&mut self, first: u32, image: &[u8]) {
+        let here = Place::Fixed(Area::Local, BitAddr::byte_addr(first));
+        if image.len() as u32 <= SHORT {
+            return self.write_bytes(here, 0, image);
+        }
+        let words = image.len() as u32 / 4;
+        let pointer = self.temp(Width::DWord);
+        let again = self.label();
+        self.op(Op::LoadConst(BitAddr::byte_addr(first).0));
+        self.op(Op::Transfer(pointer));
+        self.set(again);
+        self.op(Op::LoadArFrom(AddressRegister::Ar1, pointer));
+        self.op(Op::LoadConst(0));
+        let place = Place::Register(Some(Area::Local), AddressRegister::Ar1, BitAddr(0));
+        self.op(Op::Transfer(Operand { width: Width::DWord, place }));
+        self.op(Op::Load(pointer));
+        self.op(Op::AddConst { format: NumberFormat::DInt, value: 32 });
+        self.op(Op::Transfer(pointer));
+        self.op(Op::LoadConst(BitAddr::byte_addr(first + words * 4).0));
+        self.op(Op::Compare(NumberFormat::DInt, Compare::Less));
+        self.jump(Jump::IfRlo, again);
+        for (at, part) in (0u32..).step_by(4).zip(image.chunks(4)) {
+            if part.len() < 4 || part.iter().any(|byte| *byte != 0) {
+                self.write_bytes(here, at, part);
+            }
+        }
+    }
+
     /// A text: the target keeps its maximum length; what is longer is cut off.
     fn assign_text(&mut self, target: &Var<'_>, max: u8, value: &Typed<'_>) {
         let temporary = matches!(target.base, Base::Fixed(Area::Local)) && target.is_direct();
         match &value.kind {
+            _ if *value.ty == DataType::Char => {
+                self.value(value);
+                let kept = self.temp(Width::Byte);
+                self.op(Op::Transfer(kept));
+                let place = self.place(target);
+                self.write_bytes(place, 0, &[max, 1]);
+                self.op(Op::Load(kept));
+                self.op(Op::Transfer(Operand { width: Width::Byte, place: beyond(place, 2) }));
+            }
             Kind::Bytes(bytes) => {
                 let length = bytes.get(1).copied().unwrap_or(0).min(max);
                 let text = bytes.get(2..2 + usize::from(length)).unwrap_or_default();
@@ -150,7 +192,9 @@ impl Code {
             // Not into a component: that has the result cut by an assignment.
             Kind::Call(call) if temporary && target.declared.is_none_or(|at| self.texts.contains(&at)) => {
                 let place = self.place(target);
-                self.call(call, Some(place));
+                if self.call(call, Some(place)).is_none() {
+                    self.lose();
+                }
             }
             Kind::Call(call) => {
                 let result = self.call(call, None);
@@ -158,19 +202,10 @@ impl Code {
                     let place = self.place(target);
                     self.write_bytes(place, 0, &[max]);
                 }
-                if let Some(Place::Fixed(_, at)) = result {
-                    self.join(&in_local(at), target);
+                match result {
+                    Some(Place::Fixed(_, at)) => self.join(&in_local(at), target),
+                    _ => self.lose(),
                 }
-            }
-            Kind::Var(source) if *value.ty == DataType::Char => {
-                let operand = self.operand(source, value.ty);
-                self.op(Op::Load(operand));
-                let kept = self.temp(Width::Byte);
-                self.op(Op::Transfer(kept));
-                let place = self.place(target);
-                self.write_bytes(place, 0, &[max, 1]);
-                self.op(Op::Load(kept));
-                self.op(Op::Transfer(Operand { width: Width::Byte, place: beyond(place, 2) }));
             }
             Kind::Var(source) => {
                 if temporary {
@@ -179,7 +214,7 @@ impl Code {
                 }
                 self.join(source, target);
             }
-            _ => {}
+            _ => self.lose(),
         }
     }
 
@@ -196,8 +231,13 @@ impl Code {
     /// that function SFC 20 does it.
     fn join(&mut self, source: &Var<'_>, target: &Var<'_>) {
         let Some(id) = self.concat else {
-            let Some(id) = self.move_block else { return };
-            return self.move_any(id, target, source, (0x13, 1));
+            return match self.move_block {
+                Some(id) => self.move_any(id, target, source, (0x13, 1)),
+                None => {
+                    self.lacks_texts = true;
+                    self.lose();
+                }
+            };
         };
         let both = source.is_direct() || target.is_direct() && !matches!(target.base, Base::Db(_));
         let from = if both { self.place(source) } else { self.text_copy(source) };

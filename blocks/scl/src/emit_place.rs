@@ -105,7 +105,7 @@ impl Code {
         let number = match at {
             Place::Instance(at) => Number::Instance(at),
             Place::Fixed(area, at) => Number::Memory(Pointer { area, at }),
-            _ => return,
+            _ => return self.lose(),
         };
         self.op(Op::OpenDb(DbRegister::Db, number));
     }
@@ -120,7 +120,10 @@ impl Code {
                 self.op(Op::Transfer(word));
                 match word.place {
                     Place::Fixed(area, at) => Number::Memory(Pointer { area, at }),
-                    _ => Number::Fixed(0),
+                    _ => {
+                        self.lose();
+                        Number::Fixed(0)
+                    }
                 }
             }
         }

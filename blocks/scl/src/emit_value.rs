@@ -18,7 +18,10 @@ impl Code {
     pub(crate) fn value(&mut self, value: &Typed<'_>) {
         match &value.kind {
             Kind::Constant(bits) => self.op(Op::LoadConst(*bits)),
-            Kind::Flexible(constant) => self.op(Op::LoadConst(constant.load().unwrap_or(0))),
+            Kind::Flexible(constant) => match constant.load() {
+                Ok(bits) => self.op(Op::LoadConst(bits)),
+                Err(_) => self.lose(),
+            },
             _ if *value.ty == DataType::Bool => self.number_of_bit(value),
             Kind::Var(var) => {
                 let operand = self.operand(var, value.ty);
@@ -40,17 +43,17 @@ impl Code {
             Kind::Mux(k, values) => self.mux(k, values, value.ty),
             Kind::Extreme(relation, values) => self.extreme(*relation, values, value.ty),
             Kind::Limit(all) => self.limit(all, value.ty),
-            Kind::Call(call) => {
-                let result = self.call(call, None);
-                if let Some(place) = result {
-                    self.op(Op::Load(Operand { width: Width::of(value.ty).unwrap_or(Width::Byte), place }));
-                }
-            }
+            Kind::Call(call) => match (self.call(call, None), Width::of(value.ty)) {
+                (Some(place), Some(width)) => self.op(Op::Load(Operand { width, place })),
+                _ => self.lose(),
+            },
             Kind::Block(number) => self.block_number(*number),
+            Kind::Unsigned(operation, values) => self.unsigned(*operation, values),
+            Kind::Clock(read) => self.read_clock(read, value.span),
             Kind::Timed(timed) => self.timed(timed),
             Kind::Timer(number) => self.op(Op::LoadTimerBcd(*number)),
             Kind::Counter(number) => self.op(Op::LoadCounter(*number)),
-            _ => self.op(Op::LoadConst(0)),
+            _ => self.lose(),
         }
     }
 
@@ -144,7 +147,16 @@ impl Code {
             self.op(op.clone());
         }
         match check {
-            Check::Overflow => self.check_overflow(),
+            Check::Overflow => {
+                self.check_overflow();
+                // A standard function behaves like a block: ENO behind it is OK.
+                if matches!(ops, [Op::Math(_)]) {
+                    self.op(Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(ok) });
+                    self.op(Op::SaveRlo);
+                    // SAVE leaves the chain open.
+                    self.op(Op::SetRlo);
+                }
+            }
             Check::OverflowOrInt => {
                 self.check_overflow();
                 self.check_int(ok);
@@ -394,7 +406,7 @@ impl Code {
 
     /// The first of the values that stands in the relation to all behind it.
     fn extreme(&mut self, relation: Compare, values: &[Typed<'_>], ty: &DataType) {
-        let Some((first, rest)) = values.split_first() else { return };
+        let Some((first, rest)) = values.split_first() else { return self.lose() };
         self.value(first);
         for value in rest {
             let best = self.keep();
@@ -418,7 +430,7 @@ impl Code {
             self.value(value);
             kept.push(self.keep());
         }
-        let [low, value, high] = kept.as_slice() else { return };
+        let [low, value, high] = kept.as_slice() else { return self.lose() };
         let (below, above, end) = (self.label(), self.label(), self.label());
         self.op(Op::Load(*value));
         self.op(Op::Load(*low));

@@ -1,7 +1,7 @@
 //! Expressions: the type of each, and the conversions that it needs.
 
 use ob1_ir::{AccuOp, Compare, Convert, Logic, MathFn, Op};
-use ob1_model::DataType;
+use ob1_model::{DataType, Section};
 use ob1_stl::front::{Constant, Encoded, Span, with_article};
 
 use crate::check::Checker;
@@ -27,6 +27,14 @@ impl<'c> Checker<'c> {
                 let value = self.reference(reference);
                 if *value.ty == NOTHING && !value.is_bad() {
                     self.report(expr.span, &codes::NO_RESULT, "this block gives no value");
+                    return self.bad(expr.span);
+                }
+                if let Kind::Call(call) = &value.kind
+                    && call.actuals.iter().any(|actual| actual.formal.section == Section::Return)
+                {
+                    let message =
+                        "the result is supplied among the parameters, and is the value here: leave it out there";
+                    self.report(expr.span, &codes::UNKNOWN_PARAMETER, message);
                     return self.bad(expr.span);
                 }
                 self.mark_read(&value);

@@ -8,8 +8,8 @@ use crate::check::Checker;
 use crate::codes;
 use crate::convert::{by, explicit};
 use crate::expr::wider;
-use crate::syntax::{Arg, Operator};
-use crate::tree::{Check, Kind, Shifted, Typed};
+use crate::syntax::{Arg, Expr, Operator};
+use crate::tree::{Check, Kind, Shifted, Typed, Unsigned};
 use crate::types::{self, BLOCK_DB, BOOL, DINT, DWORD, INT, REAL, WORD, is_bits, is_number, is_whole, rank, short};
 
 const MATH: [(&str, MathFn); 10] = [
@@ -27,6 +27,19 @@ const MATH: [(&str, MathFn); 10] = [
 
 /// LN(10), as Siemens' compiler divides by it.
 const LN_10: f32 = std::f32::consts::LN_10;
+
+/// The type that `NAME_TYPE` says, and the place of the call.
+type Wanted = (Option<&'static DataType>, Span);
+
+/// Whether `NAME_TYPE` is a function: what gives a REAL gives no other type, what rounds gives numbers.
+fn is_result(plain: &str, ty: &DataType) -> bool {
+    match plain {
+        "ROUND" | "TRUNC" | "CEIL" | "FLOOR" | "ABS" | "SCALE_X" => is_number(ty) || is_bits(ty),
+        "SHL" | "SHR" | "ROL" | "ROR" | "SWAP" => is_bits(ty),
+        "SEL" | "MUX" | "MIN" | "MAX" | "LIMIT" => ty.elementary_bits().is_some(),
+        _ => *ty == DataType::Real,
+    }
+}
 
 /// Whether a standard function has this name.
 pub(crate) fn is_standard(name: &str) -> bool {
@@ -69,14 +82,16 @@ impl<'c> Checker<'c> {
 
     /// A standard function by its name in capitals; `None`: there is none of this name.
     fn standard(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
-        if let Some(result) = self.peek(name, args, span).or_else(|| self.timed(name, args, span)) {
+        let other = self.peek(name, args, span).or_else(|| self.timed(name, args, span));
+        if let Some(result) = other.or_else(|| self.dated(name, args, span)) {
             return Some(result);
         }
         // `NAME_TYPE` of TIA Portal says the type of the result.
         let (plain, ty) = match name.rsplit_once('_') {
-            Some((plain, ty)) if NAMES.contains(&plain) || MATH.iter().any(|(n, _)| *n == plain) => {
-                (plain, types::named(ty))
-            }
+            Some((plain, ty)) if is_standard(plain) => match types::named(ty) {
+                Some(ty) if is_result(plain, ty) => (plain, Some(ty)),
+                _ => (name, None),
+            },
             _ => (name, None),
         };
         let result = match plain {
@@ -107,12 +122,12 @@ impl<'c> Checker<'c> {
             }
             "FRAC" => {
                 let [value] = self.values(plain, ["IN"], args, span)?;
-                let whole = self.rounded("TRUNC", value.clone(), None)?;
-                Some(self.binary(Operator::Subtract, value, whole, span))
+                let whole = self.rounded("TRUNC", value.clone(), None);
+                whole.map(|whole| self.binary(Operator::Subtract, value, whole, span))
             }
             "NORM_X" => {
                 let [min, value, max] = self.values(plain, ["MIN", "VALUE", "MAX"], args, span)?;
-                let all = [min, value, max].map(|v| self.coerced(v, &REAL));
+                let all = [min, value, max].map(|v| v.good().and_then(|v| self.coerced(v, &REAL)));
                 let [Some(min), Some(value), Some(max)] = all else { return Some(None) };
                 let above = self.binary(Operator::Subtract, value, min.clone(), span);
                 let range = self.binary(Operator::Subtract, max, min, span);
@@ -124,14 +139,14 @@ impl<'c> Checker<'c> {
             }
             "SEL" => {
                 let [g, zero, one] = self.values(plain, ["G", "IN0", "IN1"], args, span)?;
-                self.selected(g, zero, one, span)
+                self.selected(g, zero, one, (ty, span))
             }
-            "MUX" => self.mux(args, span),
-            "MIN" => self.extreme(Compare::LessEqual, args, span),
-            "MAX" => self.extreme(Compare::GreaterEqual, args, span),
+            "MUX" => self.mux(args, (ty, span)),
+            "MIN" => self.extreme(Compare::LessEqual, args, (ty, span)),
+            "MAX" => self.extreme(Compare::GreaterEqual, args, (ty, span)),
             "LIMIT" => {
                 let [low, value, high] = self.values(plain, ["MN", "IN", "MX"], args, span)?;
-                let common = self.common(vec![low, value, high], span);
+                let common = self.common(vec![low, value, high], (ty, span));
                 common.and_then(|(all, ty)| {
                     let (all, by) = self.ordered(all, ty)?;
                     let all: [Typed<'c>; 3] = all.try_into().ok()?;
@@ -146,6 +161,7 @@ impl<'c> Checker<'c> {
                 let [value] = self.values(plain, ["IN"], args, span)?;
                 self.swapped(value, span)
             }
+            "LOWER_BOUND" | "UPPER_BOUND" => self.bound_of(plain, args, span),
             "MAX_LEN" => {
                 let [value] = self.values(plain, ["IN"], args, span)?;
                 match value.ty {
@@ -184,13 +200,16 @@ impl<'c> Checker<'c> {
     /// `X_TO_Y` of elementary types.
     fn conversion(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
         let (from, to) = name.split_once("_TO_")?;
-        // The bits of a REAL are those of a DWORD; of a UDINT the value is meant.
-        let value = |a: &str, b: &str| a == "UDINT" && b == "REAL";
-        if value(from, to) || value(to, from) {
-            let remedy = "Convert by way of DINT: DINT_TO_REAL(UDINT_TO_DINT(...)).".to_owned();
-            self.report_with(span, &codes::NOT_SUPPORTED, format!("{name} is not known here"), remedy);
-            return Some(None);
+        // Those that are blocks.
+        if OF_FUNCTIONS.iter().any(|(function, _)| *function == name) {
+            return None;
         }
+        // The bits of a REAL are those of a DWORD; of a UDINT the value is meant.
+        let of_udint = match (from, to) {
+            ("UDINT", "REAL") => Some(Unsigned::ToReal),
+            ("REAL", "UDINT") => Some(Unsigned::OfReal),
+            _ => None,
+        };
         let (from, to) = (types::named(from)?, types::named(to)?);
         let text = |ty: &DataType| matches!(ty, DataType::String(_));
         if text(from) && *to == DataType::Char {
@@ -209,6 +228,9 @@ impl<'c> Checker<'c> {
             return Some(None);
         }
         let Some(value) = self.coerced(value, from) else { return Some(None) };
+        if let Some(operation) = of_udint {
+            return Some(Some(Typed::new(Kind::Unsigned(operation, vec![value]), to, span)));
+        }
         match explicit(value, to) {
             Some(value) => Some(Some(Typed { span, ..value })),
             None => {
@@ -218,7 +240,40 @@ impl<'c> Checker<'c> {
         }
     }
 
-    /// The values of a function's parameters, by name or in their order. The outer `None`: reported.
+    /// The parameters of a function, by name or in their order. `None`: reported.
+    pub(crate) fn arguments<'a, const N: usize>(
+        &mut self,
+        function: &str,
+        names: [&str; N],
+        args: &'a [Arg],
+        span: Span,
+    ) -> Option<[&'a Expr; N]> {
+        let mut out: [Option<&'a Expr>; N] = [None; N];
+        let mut good = args.len() == N;
+        for (at, arg) in args.iter().enumerate() {
+            let place = match arg.name {
+                Some(name) => names.iter().position(|n| n.eq_ignore_ascii_case(self.name(name))),
+                None => Some(at),
+            };
+            match place.and_then(|at| out.get_mut(at)) {
+                Some(slot @ None) => *slot = arg.value.as_ref(),
+                _ => good = false,
+            }
+        }
+        if !good || out.iter().any(Option::is_none) {
+            let message =
+                format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
+            self.report(span, &codes::FUNCTION_ARGUMENTS, message);
+            return None;
+        }
+        let mut all = out.into_iter().flatten();
+        let first = all.next()?;
+        let mut rest = [first; N];
+        rest.iter_mut().skip(1).zip(all).for_each(|(slot, expr)| *slot = expr);
+        Some(rest)
+    }
+
+    /// Their values. A mistake is reported, and the function stays known.
     pub(crate) fn values<const N: usize>(
         &mut self,
         function: &str,
@@ -226,26 +281,24 @@ impl<'c> Checker<'c> {
         args: &[Arg],
         span: Span,
     ) -> Option<[Typed<'c>; N]> {
-        let mut out: [Typed<'c>; N] = std::array::from_fn(|_| self.bad(span));
-        let mut good = args.len() == N;
-        for (at, arg) in args.iter().enumerate() {
-            let place = match arg.name {
-                Some(name) => names.iter().position(|n| n.eq_ignore_ascii_case(self.name(name))),
-                None => Some(at),
-            };
-            let value = arg.value.as_ref().map(|value| self.expr(value));
-            match (place.and_then(|at| out.get_mut(at)), value) {
-                (Some(slot), Some(value)) => *slot = value,
-                _ => good = false,
+        let Some(all) = self.arguments(function, names, args, span) else {
+            return Some(std::array::from_fn(|_| self.bad(span)));
+        };
+        Some(all.map(|value| self.expr(value)))
+    }
+
+    /// The values of a function that takes any number of them, without names or with any.
+    fn list(&mut self, function: &str, least: usize, args: &[Arg], span: Span) -> Option<Vec<Typed<'c>>> {
+        let values: Option<Vec<Typed<'c>>> = args.iter().map(|arg| Some(self.expr(arg.value.as_ref()?))).collect();
+        match values.filter(|values| values.len() >= least) {
+            Some(values) if values.iter().any(Typed::is_bad) => None,
+            Some(values) => Some(values),
+            None => {
+                let how = if function == "MUX" { "K := ..., IN0 := ..., IN1 := ..." } else { "IN1 := ..., IN2 := ..." };
+                self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{function} is called {function}({how})"));
+                None
             }
         }
-        if !good {
-            let message =
-                format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
-            self.report(span, &codes::FUNCTION_ARGUMENTS, message);
-        }
-        // The mistake of a bad value was reported; the function stays known.
-        Some(out)
     }
 
     pub(crate) fn wrong(&mut self, function: &str, value: &Typed<'c>, takes: &str) -> Option<Typed<'c>> {
@@ -295,9 +348,9 @@ impl<'c> Checker<'c> {
         };
         let whole = by(vec![Op::Convert(op)], Check::Overflow, value, &DINT);
         match ty {
-            None | Some(DataType::DInt) => Some(whole),
             Some(DataType::Real) => self.coerced(whole, &REAL),
             Some(ty) => explicit(whole, ty),
+            None => Some(whole),
         }
     }
 
@@ -316,59 +369,42 @@ impl<'c> Checker<'c> {
         let above = self.binary(Operator::Multiply, value, range, span);
         let sum = self.binary(Operator::Add, above, min, span);
         match ty {
-            Some(ty) if is_whole(ty) => explicit(sum, ty),
-            _ => Some(sum),
+            Some(ty) => explicit(sum, ty),
+            None => Some(sum),
         }
     }
 
-    fn selected(&mut self, g: Typed<'c>, zero: Typed<'c>, one: Typed<'c>, span: Span) -> Option<Typed<'c>> {
-        if g.is_bad() {
-            return None;
-        }
+    fn selected(&mut self, g: Typed<'c>, zero: Typed<'c>, one: Typed<'c>, at: Wanted) -> Option<Typed<'c>> {
+        let g = g.good()?;
         let g = self.coerced(g, &BOOL)?;
-        let (all, ty) = self.common(vec![zero, one], span)?;
+        let (all, ty) = self.common(vec![zero, one], at)?;
         let [zero, one]: [Typed<'c>; 2] = all.try_into().ok()?;
-        Some(Typed::new(Kind::Select(Box::new([g, zero, one])), ty, span))
+        Some(Typed::new(Kind::Select(Box::new([g, zero, one])), ty, at.1))
     }
 
-    fn mux(&mut self, args: &[Arg], span: Span) -> Option<Typed<'c>> {
-        let mut values: Vec<Typed<'c>> = Vec::new();
-        for arg in args {
-            values.push(self.expr(arg.value.as_ref()?));
-        }
-        if values.len() < 3 || values.iter().any(Typed::is_bad) {
-            self.report(span, &codes::FUNCTION_ARGUMENTS, "MUX is called MUX(K := ..., IN0 := ..., IN1 := ...)");
-            return None;
-        }
+    fn mux(&mut self, args: &[Arg], at: Wanted) -> Option<Typed<'c>> {
+        let mut values = self.list("MUX", 3, args, at.1)?;
         let k = values.remove(0);
         let k = self.coerced(k, &INT)?;
-        let (all, ty) = self.common(values, span)?;
-        Some(Typed::new(Kind::Mux(Box::new(k), all), ty, span))
+        let (all, ty) = self.common(values, at)?;
+        Some(Typed::new(Kind::Mux(Box::new(k), all), ty, at.1))
     }
 
-    fn extreme(&mut self, relation: Compare, args: &[Arg], span: Span) -> Option<Typed<'c>> {
-        let mut values = Vec::new();
-        for arg in args {
-            values.push(self.expr(arg.value.as_ref()?));
-        }
-        if values.len() < 2 {
-            self.report(span, &codes::FUNCTION_ARGUMENTS, "MIN and MAX are called MAX(IN1 := ..., IN2 := ...)");
-            return None;
-        }
-        let (all, ty) = self.common(values, span)?;
+    fn extreme(&mut self, relation: Compare, args: &[Arg], at: Wanted) -> Option<Typed<'c>> {
+        let values = self.list(if relation == Compare::LessEqual { "MIN" } else { "MAX" }, 2, args, at.1)?;
+        let (all, ty) = self.common(values, at)?;
         let (all, by) = self.ordered(all, ty)?;
-        self.back(Typed::new(Kind::Extreme(relation, all), by, span), ty)
-    }
-
-    /// A result that was calculated in another type.
-    fn back(&self, value: Typed<'c>, ty: &'c DataType) -> Option<Typed<'c>> {
-        if value.ty == ty { Some(value) } else { explicit(value, ty) }
+        self.back(Typed::new(Kind::Extreme(relation, all), by, at.1), ty)
     }
 
     /// Values in one type that takes all of them.
-    fn common(&mut self, values: Vec<Typed<'c>>, span: Span) -> Option<(Vec<Typed<'c>>, &'c DataType)> {
+    fn common(&mut self, values: Vec<Typed<'c>>, (wanted, span): Wanted) -> Option<(Vec<Typed<'c>>, &'c DataType)> {
         if values.iter().any(Typed::is_bad) {
             return None;
+        }
+        if let Some(ty) = wanted {
+            let all: Option<Vec<Typed<'c>>> = values.into_iter().map(|value| self.coerced(value, ty)).collect();
+            return Some((all?, ty));
         }
         let fixed: Vec<&'c DataType> =
             values.iter().filter(|v| !matches!(v.kind, Kind::Flexible(_))).map(|v| v.ty).collect();
@@ -408,7 +444,7 @@ impl<'c> Checker<'c> {
         span: Span,
         ty: Option<&'static DataType>,
     ) -> Option<Typed<'c>> {
-        let [value, count] = self.values("SHL, SHR, ROL or ROR", ["IN", "N"], args, span)?;
+        let [value, count] = self.values("SHL, SHR, ROL, ROR", ["IN", "N"], args, span)?;
         if value.is_bad() || count.is_bad() {
             return None;
         }
@@ -441,6 +477,24 @@ impl<'c> Checker<'c> {
         };
         let ty = value.ty;
         Some(Typed::new(Kind::Shift(shifted, Box::new(value), Box::new(count)), ty, span))
+    }
+
+    /// `LOWER_BOUND(ARR := a, DIM := 1)`: known, since no array comes with bounds of its own.
+    fn bound_of(&mut self, function: &str, args: &[Arg], span: Span) -> Option<Typed<'c>> {
+        let [array, dimension] = self.values(function, ["ARR", "DIM"], args, span)?;
+        let (array, dimension) = (array.good()?, dimension.good()?);
+        let DataType::Array(dims, _) = array.ty else { return self.wrong(function, &array, "an array") };
+        let at = match &dimension.kind {
+            Kind::Flexible(constant) => Self::whole(constant).and_then(|n| usize::try_from(n - 1).ok()),
+            _ => None,
+        };
+        let Some(dim) = at.and_then(|at| dims.get(at)) else {
+            let message = format!("DIM of {function} is a constant, 1 to {}", dims.len());
+            self.report(dimension.span, &codes::FUNCTION_ARGUMENTS, message);
+            return None;
+        };
+        let bound = if function == "LOWER_BOUND" { dim.low } else { dim.high };
+        Some(Typed::new(Kind::Flexible(Constant::Integer(i64::from(bound))), &DINT, span))
     }
 
     fn swapped(&mut self, value: Typed<'c>, _span: Span) -> Option<Typed<'c>> {

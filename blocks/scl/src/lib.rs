@@ -9,19 +9,23 @@
 
 mod address;
 mod calls;
+mod cases;
 mod check;
 mod code;
 pub mod codes;
 mod convert;
 mod cursor;
+mod dates;
 mod emit_bool;
 mod emit_call;
 mod emit_copy;
 mod emit_place;
+mod emit_unsigned;
 mod emit_value;
 mod expr;
 mod functions;
 mod lower;
+mod moves;
 mod names;
 mod options;
 mod parse_expr;
@@ -33,6 +37,7 @@ mod tree;
 mod types;
 mod unsigned;
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::CodeBlock;
@@ -49,27 +54,17 @@ use lower::Lowerer;
 /// order.
 #[must_use]
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
-    ob1_stl::compile_with(sources, library, options, Some(&Scl::new()))
+    let scl = Scl { words: Words::of_both(), read: Cell::default() };
+    ob1_stl::compile_with(sources, library, options, Some(&scl))
 }
 
-/// The compiler of SCL statements.
+/// The compiler of SCL statements, for one run.
 #[derive(Debug)]
-pub struct Scl {
+struct Scl {
+    /// Addresses have German and international letters.
     words: Words,
-}
-
-impl Scl {
-    /// The compiler, which takes addresses in German and international letters.
-    #[must_use]
-    pub fn new() -> Self {
-        Self { words: Words::of_both() }
-    }
-}
-
-impl Default for Scl {
-    fn default() -> Self {
-        Self::new()
-    }
+    /// How far the compiler options of a source are read.
+    read: Cell<options::Read>,
 }
 
 impl Statements for Scl {
@@ -82,7 +77,9 @@ impl Statements for Scl {
         let statements = Cursor::new(block.file, file, sink, range).statements_of_block();
         // Its declarations have a mistake, which is reported.
         let info = world.blocks.get(&id)?;
-        let options = options::Options::of(block, file);
+        let read = self.read.get().until(block, file);
+        self.read.set(read);
+        let options = read.of(block, file);
         let named = |word: &str| {
             tokens.iter().any(|t| t.kind == Kind::Word && file.of(*t).eq_ignore_ascii_case(word))
                 && info.declared(word).is_none()

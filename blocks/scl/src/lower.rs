@@ -1,24 +1,36 @@
 //! Statements to operations.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use ob1_ir::{BitTest, Compare, Jump, Logic, Op, Operand, Place, Width};
-use ob1_model::{DataType, Section};
-use ob1_stl::front::{Constant, Span, Token};
+use ob1_model::{BlockKind, DataType, Layout, Section};
+use ob1_stl::front::{Constant, Span, Token, write_default};
 
 use crate::check::Checker;
 use crate::code::{Code, Label as Mark};
 use crate::codes;
-use crate::expr::fitted;
 use crate::names::Named;
-use crate::syntax::{Expr, For, Label, Ref, Stmt, StmtKind};
+use crate::syntax::{Expr, For, Ref, Stmt, StmtKind};
 use crate::tree::{Base, Kind, Side, Typed, Var};
-use crate::types::{BOOL, DINT, DWORD, INT, format, is_bits, is_whole};
+use crate::types::{BOOL, DINT, INT, format, is_bits, is_whole};
+
+/// Bytes of local data in which an organization block finds how it was started.
+const START_INFORMATION: u32 = 20;
 
 /// Where EXIT and CONTINUE lead.
 struct Loop {
     exit: Mark,
     next: Mark,
+}
+
+/// The head of a FOR: its variable with its own type, and what is calculated with.
+struct Counted<'c> {
+    var: Var<'c>,
+    own: &'c DataType,
+    counter: Typed<'c>,
+    start: Typed<'c>,
+    end: Typed<'c>,
+    step: Typed<'c>,
 }
 
 pub(crate) struct Lowerer<'c> {
@@ -46,11 +58,30 @@ impl<'c> Lowerer<'c> {
             self.code.op(Op::Assign(ok));
             self.code.ok = Some(ok);
         }
+        if self.check.options.tia {
+            self.clear_temporaries();
+        }
         self.find_labels(statements, &mut vec![0]);
         self.next_list = 0;
         self.list(statements);
         self.code.line = last_line;
         self.end();
+    }
+
+    /// A block of TIA Portal finds its temporaries with their default values; an organization block has its start
+    /// information in front of them.
+    fn clear_temporaries(&mut self) {
+        let interface = &self.check.info.interface;
+        let mut image = vec![0; interface.temp_bytes as usize];
+        let mut bytes = 0;
+        for param in interface.params.iter().filter(|p| p.section == Section::Temp) {
+            write_default(&param.ty, param.at, &mut image);
+            bytes = bytes.max((param.at.0 + Layout::bits(&param.ty)).div_ceil(8));
+        }
+        let first = if self.check.id.kind == BlockKind::Ob { START_INFORMATION } else { 0 };
+        if let Some(image) = image.get(first as usize..bytes as usize) {
+            self.code.fill_local(first, image);
+        }
     }
 
     /// OK, or TRUE, into BR.
@@ -96,7 +127,7 @@ impl<'c> Lowerer<'c> {
         }
     }
 
-    fn inner(&mut self, statements: &[Stmt]) {
+    pub(crate) fn inner(&mut self, statements: &[Stmt]) {
         self.next_list += 1;
         self.lists.push(self.next_list);
         self.list(statements);
@@ -105,17 +136,24 @@ impl<'c> Lowerer<'c> {
 
     fn list(&mut self, statements: &[Stmt]) {
         for statement in statements {
-            self.code.line = statement.line;
-            self.check.line = statement.line;
-            let mark = self.code.mark();
-            self.statement(statement);
+            self.set_line(statement.line);
+            let (mark, said) = (self.code.mark(), self.check.sink.said());
+            let done = self.statement(statement);
             self.code.release(mark);
+            if std::mem::take(&mut self.code.lacks_texts) {
+                self.check.lacks("CONCAT", statement.span);
+            }
+            let lost = std::mem::take(&mut self.code.lost) || done.is_none();
+            if lost && !statement.reported && self.check.sink.said() == said {
+                self.check.report(statement.span, &codes::LOST, codes::LOST.title);
+            }
         }
     }
 
-    fn statement(&mut self, statement: &Stmt) {
+    /// `None`: it has a mistake of its own, which is reported.
+    fn statement(&mut self, statement: &Stmt) -> Option<()> {
         match &statement.kind {
-            StmtKind::Assign(target, value) => self.assign(target, value, statement.span),
+            StmtKind::Assign(target, value) => self.assign(target, value),
             StmtKind::Call(reference) => self.call(reference),
             StmtKind::If(branches, otherwise) => self.if_statement(branches, otherwise),
             StmtKind::Case(selector, branches, otherwise) => self.case(selector, branches, otherwise),
@@ -127,38 +165,40 @@ impl<'c> Lowerer<'c> {
             StmtKind::Return => {
                 self.end();
                 self.code.op(Op::End);
+                Some(())
             }
             StmtKind::Goto(token) => self.goto(*token),
             StmtKind::Label(token) => {
-                if let Some((mark, _)) = self.labels.get(&self.check.name(*token).to_uppercase()) {
-                    self.code.set(*mark);
-                }
+                let (mark, _) = self.labels.get(&self.check.name(*token).to_uppercase())?;
+                self.code.set(*mark);
+                Some(())
             }
         }
     }
 
-    fn leave(&mut self, span: Span, to: impl Fn(&Loop) -> Mark) {
-        match self.loops.last().map(to) {
-            Some(label) => self.code.jump(Jump::Always, label),
-            None => self.check.report(span, &codes::NO_LOOP, "there is no loop here to leave or go on with"),
-        }
+    fn leave(&mut self, span: Span, to: impl Fn(&Loop) -> Mark) -> Option<()> {
+        let Some(label) = self.loops.last().map(to) else {
+            self.check.report(span, &codes::NO_LOOP, "there is no loop here to leave or go on with");
+            return None;
+        };
+        self.code.jump(Jump::Always, label);
+        Some(())
     }
 
-    fn goto(&mut self, token: Token) {
+    fn goto(&mut self, token: Token) -> Option<()> {
         let name = self.check.name(token);
         let mut open = vec![0];
         open.extend(&self.lists);
-        match self.labels.get(&name.to_uppercase()) {
-            Some((mark, within)) if open.starts_with(within) => self.code.jump(Jump::Always, *mark),
-            Some(_) => {
-                let message = format!("{name} stands within a loop or branch that GOTO is not in");
-                self.check.report(token.span, &codes::GOTO_TARGET, message);
+        let message = match self.labels.get(&name.to_uppercase()) {
+            Some((mark, within)) if open.starts_with(within) => {
+                self.code.jump(Jump::Always, *mark);
+                return Some(());
             }
-            None => {
-                let message = format!("{name} stands before no statement of this block");
-                self.check.report(token.span, &codes::GOTO_TARGET, message);
-            }
-        }
+            Some(_) => format!("{name} stands within a loop or branch that GOTO is not in"),
+            None => format!("{name} stands before no statement of this block"),
+        };
+        self.check.report(token.span, &codes::GOTO_TARGET, message);
+        None
     }
 
     /// The place that is assigned to, with its type.
@@ -184,88 +224,71 @@ impl<'c> Lowerer<'c> {
         None
     }
 
-    fn assign(&mut self, target: &Ref, value: &Expr, _span: Span) {
+    fn assign(&mut self, target: &Ref, value: &Expr) -> Option<()> {
         // The value is read before the target is written.
         let value = self.check.expr(value);
-        let Some(target) = self.target(target) else { return };
-        if value.is_bad() {
-            return;
-        }
+        let target = self.target(target)?;
+        let value = value.good()?;
         let var = match target.kind {
             Kind::Var(var) => var,
-            _ => match self.code.ok {
-                Some(Place::Fixed(area, at)) => {
-                    let base = Base::Fixed(area);
-                    Var { base, at, terms: Vec::new(), declared: None, side: Side::Both }
-                }
-                _ => return,
-            },
-        };
-        if let Some(value) = self.fitting(value, target.ty) {
-            self.code.assign(&var, target.ty, &value);
-        }
-    }
-
-    /// A value as what a variable of this type takes.
-    fn fitting(&mut self, value: Typed<'c>, ty: &'c DataType) -> Option<Typed<'c>> {
-        if let (Kind::Flexible(Constant::Text(text)), DataType::String(max)) = (&value.kind, ty)
-            && text.len() > usize::from(*max)
-        {
-            let message = format!("the text has {} characters, the STRING takes {max}", text.len());
-            self.check.report(value.span, &codes::LONG_TEXT, message);
-        }
-        let composed = match (ty, value.ty) {
-            (DataType::String(_), DataType::String(_)) => true,
-            (DataType::String(_), DataType::Char) => !matches!(value.kind, Kind::Flexible(_)),
-            (DataType::Any | DataType::Pointer, _) if matches!(value.kind, Kind::Var(_)) => {
-                // The pointer itself, or a pointer to what is assigned.
-                *ty == *value.ty
+            _ => {
+                let Place::Fixed(area, at) = self.code.ok? else { return None };
+                Var { base: Base::Fixed(area), at, terms: Vec::new(), declared: None, side: Side::Both }
             }
-            (a, b) => a.is_composed() && crate::calls::same(a, b),
         };
-        if composed && !matches!(value.kind, Kind::Flexible(_)) {
-            return Some(value);
-        }
-        self.check.coerced(value, ty)
+        let value = self.check.fitting(value, target.ty)?;
+        self.code.assign(&var, target.ty, &value);
+        Some(())
     }
 
-    fn call(&mut self, reference: &Ref) {
+    fn call(&mut self, reference: &Ref) -> Option<()> {
         let name = self.check.name(reference.first);
         if let [crate::syntax::Step::Call(args)] = reference.steps.as_slice()
             && self.check.block_called(name).is_none()
-            && let Some(poked) = self.check.poke(name, args, reference.span)
         {
-            if let Some((place, value)) = poked {
+            if let Some(poked) = self.check.poke(name, args, reference.span) {
+                let (place, value) = poked?;
                 self.code.assign(&place, value.ty, &value);
+                return Some(());
             }
-            return;
+            if let Some(moved) = self.check.moved(name, args, reference.span) {
+                self.code.move_elements(&moved?);
+                return Some(());
+            }
         }
-        match self.check.named(reference) {
-            Some(Named::Value(value)) => match &value.kind {
-                Kind::Call(call) => {
-                    self.code.call(call, None);
-                }
-                Kind::Bad => {}
-                // A function whose value is not used.
-                _ if value.ty.elementary_bits().is_some() => self.code.value(&value),
-                _ => {}
-            },
-            Some(_) => self.check.report(reference.span, &codes::NOT_CALLABLE, "this is no call"),
-            None => {}
+        match self.check.named(reference)? {
+            Named::Value(Typed { kind: Kind::Call(call), .. }) => {
+                self.code.call(&call, None);
+            }
+            // A function whose value is not used.
+            Named::Value(value) if value.ty.elementary_bits().is_some() => self.code.value(&value.good()?),
+            _ => {
+                self.check.report(reference.span, &codes::NOT_CALLABLE, "this is no call");
+                return None;
+            }
         }
+        Some(())
     }
 
-    fn condition(&mut self, condition: &Expr) {
-        if let Some(value) = self.check.expr_as(condition, &BOOL) {
-            self.code.bits(&value);
-        }
+    /// The operations of a part of a statement have its line.
+    pub(crate) const fn set_line(&mut self, line: u32) {
+        self.code.line = line;
+        self.check.line = line;
     }
 
-    fn if_statement(&mut self, branches: &[(Expr, Vec<Stmt>)], otherwise: &[Stmt]) {
+    fn condition(&mut self, condition: &Expr) -> Option<()> {
+        self.set_line(self.check.line_of(condition.span));
+        let value = self.check.expr_as(condition, &BOOL)?;
+        self.code.bits(&value);
+        Some(())
+    }
+
+    fn if_statement(&mut self, branches: &[(Expr, Vec<Stmt>)], otherwise: &[Stmt]) -> Option<()> {
         let end = self.code.label();
+        let mut done = Some(());
         for (at, (condition, list)) in branches.iter().enumerate() {
             let next = self.code.label();
-            self.condition(condition);
+            done = done.and(self.condition(condition));
             self.code.jump(Jump::IfNotRlo, next);
             self.inner(list);
             if at + 1 < branches.len() || !otherwise.is_empty() {
@@ -275,26 +298,31 @@ impl<'c> Lowerer<'c> {
         }
         self.inner(otherwise);
         self.code.set(end);
+        done
     }
 
-    fn while_statement(&mut self, condition: &Expr, body: &[Stmt]) {
+    fn while_statement(&mut self, condition: &Expr, body: &[Stmt]) -> Option<()> {
         let (next, exit) = (self.code.label(), self.code.label());
         self.code.set(next);
-        self.condition(condition);
+        let done = self.condition(condition);
         self.code.jump(Jump::IfNotRlo, exit);
+        let line = self.code.line;
         self.body(body, exit, next);
+        self.set_line(line);
         self.code.jump(Jump::Always, next);
         self.code.set(exit);
+        done
     }
 
-    fn repeat(&mut self, body: &[Stmt], condition: &Expr) {
+    fn repeat(&mut self, body: &[Stmt], condition: &Expr) -> Option<()> {
         let (begin, next, exit) = (self.code.label(), self.code.label(), self.code.label());
         self.code.set(begin);
         self.body(body, exit, next);
         self.code.set(next);
-        self.condition(condition);
+        let done = self.condition(condition);
         self.code.jump(Jump::IfNotRlo, begin);
         self.code.set(exit);
+        done
     }
 
     fn body(&mut self, body: &[Stmt], exit: Mark, next: Mark) {
@@ -303,34 +331,14 @@ impl<'c> Lowerer<'c> {
         self.loops.pop();
     }
 
-    fn for_statement(&mut self, one: &For, line: u32) {
-        let variable = self.target(&one.variable);
-        let Some(Typed { kind: Kind::Var(var), ty, span }) = variable else {
-            self.next_list += 1;
-            return;
+    fn for_statement(&mut self, one: &For, line: u32) -> Option<()> {
+        let Some(Counted { var, own, counter, start, end, step }) = self.counted(one) else {
+            // For its mistakes.
+            let nowhere = self.code.label();
+            self.body(&one.body, nowhere, nowhere);
+            return None;
         };
-        let unsigned = self.check.options.tia && is_bits(ty);
-        if !is_whole(ty) && !unsigned {
-            let message = format!("the variable of a FOR is an INT or DINT, this is {}", ty.name());
-            self.check.report(span, &codes::LOOP_VARIABLE, message);
-            self.next_list += 1;
-            return;
-        }
-        let own = ty;
-        let ty: &'static DataType = if *ty == DataType::Int { &INT } else { &DINT };
-        let counter = Typed::new(Kind::Var(var.clone()), own, span);
-        let (start, end) = (self.bound(&one.start, own), self.bound(&one.end, own));
-        // Unsigned numbers are counted as DINT.
-        let counted = |value: Typed<'c>| if unsigned { crate::convert::explicit(value, &DINT) } else { Some(value) };
-        let (Some(counter), end) = (counted(counter), end.and_then(counted)) else { return };
-        let step = match &one.step {
-            Some(step) => self.bound(step, ty),
-            None => Some(Typed::new(Kind::Constant(1), ty, span)),
-        };
-        let (Some(start), Some(end), Some(step)) = (start, end, step) else {
-            self.next_list += 1;
-            return;
-        };
+        let (ty, span) = (counter.ty, counter.span);
         let largest = if *ty == DataType::Int { i16::MAX as u32 } else { i32::MAX as u32 };
         if end.is_constant() && matches!(end.kind, Kind::Constant(v) if v == largest) && one.step.is_none() {
             self.check.report(one.end.span, &codes::ENDLESS_LOOP, "the loop goes on for ever: its variable wraps");
@@ -342,7 +350,7 @@ impl<'c> Lowerer<'c> {
         self.code.set(again);
         self.for_test(&counter, &end, &step, exit);
         self.body(&one.body, exit, next);
-        self.code.line = line;
+        self.set_line(line);
         self.code.set(next);
         let sum = Typed::new(Kind::Arithmetic(ob1_ir::AccuOp::Add, Box::new(counter), Box::new(step)), ty, span);
         self.code.value(&sum);
@@ -358,18 +366,38 @@ impl<'c> Lowerer<'c> {
         }
         self.code.jump(Jump::Always, again);
         self.code.set(exit);
+        Some(())
+    }
+
+    /// The head of a FOR. `None`: reported.
+    fn counted(&mut self, one: &For) -> Option<Counted<'c>> {
+        let variable = self.target(&one.variable);
+        let (own, span) = variable.as_ref().map_or((&INT, one.variable.span), |v| (v.ty, v.span));
+        let unsigned = self.check.options.tia && is_bits(own);
+        if !is_whole(own) && !unsigned {
+            let message = format!("the variable of a FOR is an INT or DINT, this is {}", own.name());
+            self.check.report(span, &codes::LOOP_VARIABLE, message);
+            return None;
+        }
+        let ty: &'static DataType = if *own == DataType::Int { &INT } else { &DINT };
+        let (start, end) = (self.bound(&one.start, own), self.bound(&one.end, own));
+        let step = match &one.step {
+            Some(step) => self.bound(step, ty),
+            None => Some(Typed::new(Kind::Constant(1), ty, span)),
+        };
+        let Some(Typed { kind: Kind::Var(var), .. }) = variable else { return None };
+        let counter = Typed::new(Kind::Var(var.clone()), own, span);
+        // Unsigned numbers are counted as DINT.
+        let counted = |value: Typed<'c>| if unsigned { crate::convert::explicit(value, &DINT) } else { Some(value) };
+        Some(Counted { var, own, counter: counted(counter)?, start: start?, end: counted(end?)?, step: step? })
     }
 
     fn bound(&mut self, expr: &Expr, ty: &'c DataType) -> Option<Typed<'c>> {
-        let value = self.check.expr(expr);
-        if value.is_bad() {
-            return None;
-        }
-        self.check.coerced(value, ty)
+        self.check.expr_as(expr, ty)
     }
 
     /// A constant as it is; anything else evaluated once.
-    fn kept(&mut self, value: Typed<'c>) -> Typed<'c> {
+    pub(crate) fn kept(&mut self, value: Typed<'c>) -> Typed<'c> {
         if value.is_constant() {
             return value;
         }
@@ -408,118 +436,6 @@ impl<'c> Lowerer<'c> {
         self.code.set(body);
     }
 
-    fn case(&mut self, selector: &Expr, branches: &[(Vec<Label>, Vec<Stmt>)], otherwise: &[Stmt]) {
-        let value = self.check.expr(selector);
-        let value = match value.ty {
-            _ if value.is_bad() => None,
-            DataType::Int | DataType::DInt => Some(value),
-            DataType::Char => Some(Typed { ty: &INT, ..value }),
-            ty if is_bits(ty) => crate::convert::explicit(value, if *ty == DataType::DWord { &DINT } else { wide(ty) }),
-            _ => self.check.coerced(value, &INT),
-        };
-        let Some(value) = value else {
-            self.next_list += branches.len() as u32 + 1;
-            return;
-        };
-        let ty: &'static DataType = if *value.ty == DataType::Int { &INT } else { &DINT };
-        let value = match &value.kind {
-            Kind::Flexible(_) => match self.check.coerced(value, ty) {
-                Some(value) => value,
-                None => return,
-            },
-            _ => Typed { ty, ..value },
-        };
-        let value = self.kept(value);
-        let end = self.code.label();
-        let mut seen: Vec<(i64, i64)> = Vec::new();
-        let mut known = BTreeSet::new();
-        for (labels, list) in branches {
-            let (here, next) = (self.code.label(), self.code.label());
-            for label in labels {
-                let Some((low, high)) = self.case_label(label, ty, &mut seen, &mut known) else { continue };
-                self.case_test(&value, ty, low, high, here);
-            }
-            self.code.jump(Jump::Always, next);
-            self.code.set(here);
-            self.inner(list);
-            self.code.jump(Jump::Always, end);
-            self.code.set(next);
-        }
-        self.inner(otherwise);
-        self.code.set(end);
-    }
-
-    /// The values of a label; a value that occurs twice is reported.
-    fn case_label(
-        &mut self,
-        label: &Label,
-        ty: &'c DataType,
-        seen: &mut Vec<(i64, i64)>,
-        known: &mut BTreeSet<i64>,
-    ) -> Option<(i64, i64)> {
-        let low = self.case_value(&label.low, ty)?;
-        let high = match &label.high {
-            Some(high) => self.case_value(high, ty)?,
-            None => low,
-        };
-        if low == high && !known.insert(low) {
-            self.check.report(label.low.span, &codes::LABEL_TWICE, format!("the value {low} occurs twice"));
-            return None;
-        }
-        if seen.iter().take(4096).any(|(a, b)| *a <= low && high <= *b) {
-            let message = format!("{low} lies in a range before it");
-            self.check.report(label.low.span, &codes::LABEL_COVERED, message);
-        }
-        if low != high {
-            seen.push((low, high));
-        }
-        Some((low, high))
-    }
-
-    fn case_value(&mut self, expr: &Expr, ty: &'c DataType) -> Option<i64> {
-        let value = self.check.expr(expr);
-        match &value.kind {
-            Kind::Bad => None,
-            Kind::Flexible(constant) => {
-                let whole = Checker::whole(constant);
-                let fits = whole.is_some_and(|v| if *ty == DataType::Int { i16::try_from(v).is_ok() } else { true });
-                let fits = fits || fitted(constant, ty, expr.span).is_ok() && whole.is_some();
-                if !fits {
-                    let message = format!("a value of this CASE is a constant of the type {}", ty.name());
-                    self.check.report(expr.span, &codes::CONSTANT_RANGE, message);
-                    return None;
-                }
-                whole
-            }
-            _ => {
-                self.check.report(expr.span, &codes::EXPRESSION, "the values of a CASE are constants");
-                None
-            }
-        }
-    }
-
-    fn case_test(&mut self, value: &Typed<'c>, ty: &'c DataType, low: i64, high: i64, here: Mark) {
-        let constant = |v: i64| {
-            let bits = if *ty == DataType::Int { u32::from(v as u16) } else { v as u32 };
-            Op::LoadConst(bits)
-        };
-        self.code.value(value);
-        self.code.op(constant(low));
-        if low == high {
-            self.code.op(Op::Compare(format(ty), Compare::Equal));
-            self.code.jump(Jump::IfRlo, here);
-            return;
-        }
-        let next = self.code.label();
-        self.code.op(Op::Compare(format(ty), Compare::GreaterEqual));
-        self.code.jump(Jump::IfNotRlo, next);
-        self.code.value(value);
-        self.code.op(constant(high));
-        self.code.op(Op::Compare(format(ty), Compare::LessEqual));
-        self.code.jump(Jump::IfRlo, here);
-        self.code.set(next);
-    }
-
     /// What only the whole block shows.
     pub(crate) fn finish_checks(&mut self) {
         let params = &self.check.info.interface.params;
@@ -540,15 +456,30 @@ impl<'c> Lowerer<'c> {
     }
 }
 
-const fn wide(ty: &DataType) -> &'static DataType {
-    let _ = &DWORD;
-    match ty {
-        DataType::Byte => &INT,
-        _ => &DINT,
-    }
-}
-
 impl<'c> Checker<'c> {
+    /// A value as what a variable of this type takes.
+    pub(crate) fn fitting(&mut self, value: Typed<'c>, ty: &'c DataType) -> Option<Typed<'c>> {
+        if let (Kind::Flexible(Constant::Text(text)), DataType::String(max)) = (&value.kind, ty)
+            && text.len() > usize::from(*max)
+        {
+            let message = format!("the text has {} characters, the STRING takes {max}", text.len());
+            self.report(value.span, &codes::LONG_TEXT, message);
+        }
+        let composed = match (ty, value.ty) {
+            (DataType::String(_), DataType::String(_)) => true,
+            (DataType::String(_), DataType::Char) => !matches!(value.kind, Kind::Flexible(_)),
+            (DataType::Any | DataType::Pointer, _) if matches!(value.kind, Kind::Var(_)) => {
+                // The pointer itself, or a pointer to what is assigned.
+                *ty == *value.ty
+            }
+            (a, b) => a.is_composed() && crate::calls::same(a, b),
+        };
+        if composed && !matches!(value.kind, Kind::Flexible(_)) {
+            return Some(value);
+        }
+        self.coerced(value, ty)
+    }
+
     /// A declaration that is written, wholly or in part.
     pub(crate) fn mark_written(&mut self, value: &Typed<'c>) {
         if let Kind::Var(Var { declared: Some(index), .. }) = &value.kind {

@@ -250,7 +250,7 @@ impl<'c> Checker<'c> {
         match (named, step) {
             (Named::Db(number), Step::Dot(token)) => self.in_data(number, *token, rest, reference),
             (Named::Db(number), Step::Call(args)) => {
-                let ob1_ir::DataKind::Instance(fb) = self.world.data.get(&number).map(|d| d.kind)? else {
+                let Some(ob1_ir::DataKind::Instance(fb)) = self.world.data.get(&number).map(|d| d.kind) else {
                     self.report(span, &codes::NOT_CALLABLE, format!("DB {number} is no instance of a function block"));
                     return None;
                 };
@@ -272,7 +272,11 @@ impl<'c> Checker<'c> {
             }
             (Named::Instance(fb, var), Step::Dot(token)) => {
                 let ty = self.instance_struct(&var)?;
-                let _ = fb;
+                if let Some(Step::Call(args)) = rest.first()
+                    && let Some(id) = self.called_on(ty, *token)
+                {
+                    return self.call_place(id, fb, var, args, span).map(|v| (v, 1));
+                }
                 self.component(var, ty, *token, span).map(|v| (v, 0))
             }
             (Named::Value(value), step) => self.value_step(value, step, rest, span),
@@ -291,7 +295,14 @@ impl<'c> Checker<'c> {
     fn value_step(&mut self, value: Typed<'c>, step: &Step, rest: &[Step], span: Span) -> Option<(Named<'c>, usize)> {
         match (value.kind, step) {
             (Kind::Bad, _) => None,
-            (Kind::Var(var), Step::Dot(token)) => self.component(var, value.ty, *token, span).map(|v| (v, 0)),
+            (Kind::Var(var), Step::Dot(token)) => {
+                if let Some(Step::Call(args)) = rest.first()
+                    && let Some((id, fb)) = self.called_on(value.ty, *token).zip(self.data_type_of(value.ty))
+                {
+                    return self.call_place(id, fb, var, args, span).map(|v| (v, 1));
+                }
+                self.component(var, value.ty, *token, span).map(|v| (v, 0))
+            }
             (Kind::Var(var), Step::Index(indices)) => self.element(var, value.ty, indices, span).map(|v| (v, 0)),
             (Kind::Var(var), Step::Periphery) => {
                 let Base::Fixed(Area::Input | Area::Output) = var.base else {
@@ -304,9 +315,7 @@ impl<'c> Checker<'c> {
             }
             (Kind::Var(var), Step::Call(args)) => {
                 // An IEC timer or counter within other data.
-                let is_one =
-                    |id: &BlockId| self.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *value.ty);
-                let Some(fb) = data_types().find(is_one) else {
+                let Some(fb) = self.data_type_of(value.ty) else {
                     self.report(
                         span,
                         &codes::NOT_CALLABLE,
@@ -343,6 +352,20 @@ impl<'c> Checker<'c> {
                 None
             }
         }
+    }
+
+    /// The block of an IEC timer or counter that is a data type.
+    fn data_type_of(&self, ty: &DataType) -> Option<BlockId> {
+        let is_one = |id: &BlockId| self.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *ty);
+        if matches!(ty, DataType::Struct(_)) { data_types().find(is_one) } else { None }
+    }
+
+    /// `timer.TON(...)`: the function block behind an instance that has no component of this name.
+    fn called_on(&self, ty: &DataType, token: Token) -> Option<BlockId> {
+        let name = self.name(token);
+        let DataType::Struct(fields) = ty else { return None };
+        let is_field = self.world.fields.find(fields, name).is_some();
+        self.library_block(name).filter(|id| !is_field && id.kind.has_instance())
     }
 
     /// `.name` of a structure, `.%X3` of a bit string.

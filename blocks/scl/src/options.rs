@@ -15,18 +15,35 @@ pub(crate) struct Options {
     pub(crate) tia: bool,
 }
 
-impl Options {
-    /// Those of a block: its attributes, and those before it.
-    pub(crate) fn of(block: &Block, file: &File<'_>) -> Self {
-        let tia = block.optimized || file.slice(block.span).starts_with('"');
-        let mut options = Self { set_ok: false, monitor_limits: false, longest_text: 254, tia };
+/// The options up to a token of a source. They hold for what follows, too.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Read {
+    file: usize,
+    token: usize,
+    options: Options,
+}
+
+impl Read {
+    /// Those up to the statements of a block.
+    pub(crate) fn until(self, block: &Block, file: &File<'_>) -> Self {
         let body = block.scl.as_ref().map_or(0, |range| range.start);
-        for token in file.tokens.iter().take(body).filter(|t| t.kind == Kind::Attributes) {
-            options.read(file.of(*token));
+        let goes_on = self.file == block.file && self.token <= body;
+        let mut read = if goes_on { self } else { Self { file: block.file, ..Self::default() } };
+        let tokens = file.tokens.get(read.token..body).unwrap_or_default();
+        for token in tokens.iter().filter(|t| t.kind == Kind::Attributes) {
+            read.options.read(file.of(*token));
         }
-        options
+        Self { token: body, ..read }
     }
 
+    /// Those of a block that they are read for.
+    pub(crate) fn of(self, block: &Block, file: &File<'_>) -> Options {
+        let tia = block.optimized || file.slice(block.span).starts_with('"');
+        Options { tia, ..self.options }
+    }
+}
+
+impl Options {
     fn read(&mut self, attributes: &str) {
         let inner = attributes.trim_matches(['{', '}']);
         for pair in inner.split([';', ',']) {
@@ -39,7 +56,7 @@ impl Options {
                 "SCL_SETMAXIMUMSTRINGLENGTH" => {
                     self.longest_text = value.parse().ok().filter(|n| (1..=254).contains(n)).unwrap_or(254);
                 }
-                "SCL_RESETOPTIONS" if yes => *self = Self { tia: self.tia, ..Self::default() },
+                "SCL_RESETOPTIONS" if yes => *self = Self::default(),
                 _ => {}
             }
         }

@@ -47,11 +47,15 @@ impl Cursor<'_, '_> {
             if ends || in_case && self.is_label() {
                 break;
             }
-            let before = self.at;
+            let (before, said) = (self.at, self.said());
             let line = token.line;
             let kind = self.statement(token);
             let span = token.span.to(self.behind());
-            out.extend(kind.map(|kind| Stmt { kind, span, line }));
+            if kind.is_none() && self.said() == said {
+                self.report(span, &codes::LOST, codes::LOST.title);
+            }
+            let reported = self.said() > said;
+            out.extend(kind.map(|kind| Stmt { kind, span, line, reported }));
             if self.at == before {
                 self.bump();
             }
@@ -75,17 +79,26 @@ impl Cursor<'_, '_> {
                     "EXIT" => StmtKind::Exit,
                     "CONTINUE" => StmtKind::Continue,
                     "RETURN" => StmtKind::Return,
-                    _ => {
-                        let label = self.peek()?;
-                        self.bump();
-                        StmtKind::Goto(label)
-                    }
+                    _ => StmtKind::Goto(self.goto_label()?),
                 };
                 self.semicolon();
                 Some(kind)
             }
             None => self.simple(token),
         }
+    }
+
+    fn goto_label(&mut self) -> Option<Token> {
+        let label = self.peek().filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local));
+        match label {
+            Some(_) => self.bump(),
+            None => {
+                let here = self.here();
+                self.report(here, &codes::EXPECTED, "GOTO is followed by a label");
+                self.skip_statement();
+            }
+        }
+        label
     }
 
     /// An assignment, a call, or a label.
@@ -182,7 +195,11 @@ impl Cursor<'_, '_> {
             } else if self.eat_word("ELSE") {
                 // Siemens' compiler takes a colon here.
                 self.eat(Kind::Colon);
-                otherwise = self.statements(false);
+                otherwise.extend(self.statements(false));
+                if self.is_word("ELSE") || self.is_word("ELSIF") {
+                    let here = self.here();
+                    self.report(here, &codes::EXPECTED, "ELSE is the last branch of an IF: END_IF is missing here");
+                }
             } else {
                 break;
             }
@@ -217,7 +234,7 @@ impl Cursor<'_, '_> {
 
     fn labels(&mut self) -> Vec<Label> {
         let mut labels = Vec::new();
-        let before = self.at;
+        let (before, said) = (self.at, self.said());
         loop {
             let low = self.expression();
             let high = self.eat(Kind::DotDot).then(|| self.expression());
@@ -226,7 +243,14 @@ impl Cursor<'_, '_> {
                 break;
             }
         }
-        if !self.eat(Kind::Colon) && self.at == before {
+        if self.eat(Kind::Colon) {
+            return labels;
+        }
+        if self.said() == said {
+            let here = self.here();
+            self.report(here, &codes::EXPECTED, "between the values of a CASE stands a comma, behind them a colon");
+        }
+        if self.at == before {
             self.bump();
         }
         labels

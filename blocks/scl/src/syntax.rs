@@ -8,6 +8,8 @@ pub(crate) struct Stmt {
     pub(crate) kind: StmtKind,
     pub(crate) span: Span,
     pub(crate) line: u32,
+    /// It has a mistake, which is reported.
+    pub(crate) reported: bool,
 }
 
 #[derive(Debug)]
@@ -45,13 +47,13 @@ pub(crate) struct Label {
     pub(crate) high: Option<Expr>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Expr {
     pub(crate) kind: ExprKind,
     pub(crate) span: Span,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum ExprKind {
     /// A constant that is one token.
     Constant(Token),
@@ -110,14 +112,14 @@ impl Operator {
 }
 
 /// A variable, address or call: a name and what follows it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Ref {
     pub(crate) first: Token,
     pub(crate) steps: Vec<Step>,
     pub(crate) span: Span,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Step {
     /// `.name`, `.5`.
     Dot(Token),
@@ -132,7 +134,7 @@ pub(crate) enum Step {
 }
 
 /// An actual parameter.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Arg {
     pub(crate) name: Option<Token>,
     /// Written with `=>`.

@@ -163,8 +163,9 @@ impl Code {
             self.op(op.clone());
         }
         for (target, value) in &timed.outputs {
-            if let Kind::Var(var) = &target.kind {
-                self.assign(var, target.ty, value);
+            match &target.kind {
+                Kind::Var(var) => self.assign(var, target.ty, value),
+                _ => self.lose(),
             }
         }
         self.op(timed.result.clone());

@@ -50,6 +50,10 @@ pub(crate) enum Kind<'w> {
     Ok,
     /// BR after a call.
     Eno,
+    /// What UDINT of TIA Portal needs besides the operations of DINT.
+    Unsigned(Unsigned, Vec<Typed<'w>>),
+    /// RD_SYS_T of TIA Portal.
+    Clock(Box<crate::dates::ClockRead<'w>>),
     /// A timer or counter that is worked as a function.
     Timed(Box<Timed<'w>>),
     Timer(Number),
@@ -57,6 +61,17 @@ pub(crate) enum Kind<'w> {
     /// A block by its number: DB, FB, FC.
     Block(Number),
     Bad,
+}
+
+/// An operation of numbers of 32 bits without sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unsigned {
+    Divide,
+    Mod,
+    /// Its value as a REAL.
+    ToReal,
+    /// Of a REAL.
+    OfReal,
 }
 
 /// Which shift or rotation.
@@ -181,6 +196,11 @@ impl<'w> Typed<'w> {
 
     pub(crate) const fn is_bad(&self) -> bool {
         matches!(self.kind, Kind::Bad)
+    }
+
+    /// The value, unless it has a mistake.
+    pub(crate) fn good(self) -> Option<Self> {
+        if self.is_bad() { None } else { Some(self) }
     }
 
     /// True for a constant of any kind.

@@ -9,8 +9,8 @@ use crate::check::Checker;
 use crate::codes;
 use crate::convert::{by, explicit};
 use crate::syntax::Operator;
-use crate::tree::{Check, Kind, Typed};
-use crate::types::{DINT, DWORD, is_bits, rank};
+use crate::tree::{Check, Kind, Typed, Unsigned};
+use crate::types::{DINT, DWORD, REAL, is_bits, rank};
 
 const SIGN: Op = Op::DWordLogic(WordLogic::Xor, Some(0x8000_0000));
 
@@ -39,7 +39,16 @@ impl<'c> Checker<'c> {
             _ => !is_bits(v.ty),
         };
         let back = (!signed(&left) && !signed(&right)).then(|| widest(&left, &right)).flatten();
-        let (left, right) = (self.number(left, operator)?, self.number(right, operator)?);
+        let division = match operator {
+            Operator::Divide | Operator::Div => Some(Unsigned::Divide),
+            Operator::Mod => Some(Unsigned::Mod),
+            _ => None,
+        };
+        if let (Some(division), Some(DataType::DWord)) = (division, back) {
+            let (left, right) = (self.long(left)?, self.long(right)?);
+            return Some(Typed::new(Kind::Unsigned(division, vec![left, right]), &DWORD, span));
+        }
+        let (left, right) = self.numbers(left, right, operator)?;
         let result = self.binary(operator, left, right, span);
         match back {
             _ if result.is_bad() => None,
@@ -59,22 +68,41 @@ impl<'c> Checker<'c> {
     ) -> Option<Typed<'c>> {
         let long = |v: &Typed<'c>| matches!(v.kind, Kind::Flexible(_)) || is_bits(v.ty);
         if widest(&left, &right) == Some(&DWORD) && long(&left) && long(&right) {
-            // With the highest bit turned over they stand in the order of signed numbers.
-            let sides = [left, right].map(|v| self.coerced(v, &DWORD).map(|v| by(vec![SIGN], Check::Never, v, &DINT)));
-            let [Some(left), Some(right)] = sides else { return None };
+            let (left, right) = (turned(self.long(left)?, &DINT), turned(self.long(right)?, &DINT));
             let kind = Kind::Compare(relation, Box::new(left), Box::new(right));
             return Some(Typed::new(kind, &crate::types::BOOL, span));
         }
-        let (left, right) = (self.number(left, operator)?, self.number(right, operator)?);
+        let (left, right) = self.numbers(left, right, operator)?;
         Some(self.binary(operator, left, right, span)).filter(|v| !v.is_bad())
     }
 
-    /// An unsigned number as a DINT; anything else as it is.
-    fn number(&mut self, value: Typed<'c>, operator: Operator) -> Option<Typed<'c>> {
+    /// An unsigned number, or a constant, as a UDINT.
+    fn long(&mut self, value: Typed<'c>) -> Option<Typed<'c>> {
+        match &value.kind {
+            Kind::Flexible(Constant::Integer(whole)) => match u32::try_from(*whole) {
+                Ok(whole) => Some(Typed { kind: Kind::Constant(whole), ty: &DWORD, ..value }),
+                Err(_) => self.coerced(value, &DWORD),
+            },
+            _ => self.coerced(value, &DWORD),
+        }
+    }
+
+    /// Both sides as signed numbers: beside a REAL a UDINT is one.
+    fn numbers(&mut self, left: Typed<'c>, right: Typed<'c>, operator: Operator) -> Option<(Typed<'c>, Typed<'c>)> {
+        let real = |v: &Typed<'c>| *v.ty == DataType::Real;
+        let beside_real = real(&left) || real(&right);
+        Some((self.number(left, operator, beside_real)?, self.number(right, operator, beside_real)?))
+    }
+
+    /// An unsigned number as a DINT or REAL; anything else as it is.
+    fn number(&mut self, value: Typed<'c>, operator: Operator, beside_real: bool) -> Option<Typed<'c>> {
         let Some(ty) = bits(&value) else { return Some(value) };
+        if *ty == DataType::DWord && beside_real {
+            return Some(as_real(value));
+        }
         let whole = matches!(operator, Operator::Add | Operator::Subtract | Operator::Multiply);
         if *ty == DataType::DWord && !whole {
-            let message = "UDINT and DWORD have no division and no order beside signed numbers here";
+            let message = "UDINT and DWORD are not divided by signed numbers, and not compared with them";
             self.report_with(value.span, &codes::NOT_SUPPORTED, message, "Convert it: UDINT_TO_DINT(...).".to_owned());
             return None;
         }
@@ -90,9 +118,30 @@ impl<'c> Checker<'c> {
         if !self.options.tia || !is_bits(ty) {
             return Some((values, ty));
         }
-        let values: Option<Vec<_>> = values.into_iter().map(|v| self.number(v, Operator::Less)).collect();
+        let as_number = |v: Typed<'c>| if *ty == DataType::DWord { Some(turned(v, &DINT)) } else { explicit(v, &DINT) };
+        let values: Option<Vec<_>> = values.into_iter().map(as_number).collect();
         Some((values?, &DINT))
     }
+
+    /// A result of such values in their type.
+    pub(crate) fn back(&self, value: Typed<'c>, ty: &'c DataType) -> Option<Typed<'c>> {
+        match ty {
+            _ if value.ty == ty => Some(value),
+            DataType::DWord => Some(turned(value, ty)),
+            _ => explicit(value, ty),
+        }
+    }
+}
+
+/// With the highest bit turned over unsigned numbers stand in the order of signed ones.
+fn turned<'c>(value: Typed<'c>, ty: &'c DataType) -> Typed<'c> {
+    by(vec![SIGN], Check::Never, value, ty)
+}
+
+/// The value of a UDINT as a REAL.
+pub(crate) fn as_real(value: Typed<'_>) -> Typed<'_> {
+    let span = value.span;
+    Typed::new(Kind::Unsigned(Unsigned::ToReal, vec![value]), &REAL, span)
 }
 
 fn widest<'c>(left: &Typed<'c>, right: &Typed<'c>) -> Option<&'c DataType> {

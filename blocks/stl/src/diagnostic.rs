@@ -172,6 +172,7 @@ pub struct Sink {
     suggestions_left: u32,
     /// Elementary steps of work so far, see [`Output::steps`](crate::Output::steps).
     pub steps: u64,
+    said: u64,
 }
 
 impl Sink {
@@ -184,6 +185,7 @@ impl Sink {
             names: Vec::new(),
             suggestions_left: 200,
             steps: 0,
+            said: 0,
         }
     }
 
@@ -218,6 +220,7 @@ impl Sink {
         remedy: impl Into<String>,
     ) {
         let (message, remedy) = (message.into(), remedy.into());
+        self.said += u64::from(code.severity == Severity::Error);
         self.raw.push(Raw { file, span, code, message, remedy, whole: false, others: Vec::new() });
     }
 
@@ -231,6 +234,7 @@ impl Sink {
         code: &'static Code,
         says: impl FnOnce(&mut Self) -> (String, String),
     ) {
+        self.said += 1;
         if let Some(uses) = self.missing.get_mut(key) {
             uses.count += 1;
             uses.files.insert(file);
@@ -296,6 +300,13 @@ impl Sink {
     #[must_use]
     pub fn errors(&self) -> usize {
         self.raw.iter().filter(|r| r.code.severity == Severity::Error).count() + self.missing.len()
+    }
+
+    /// How often an error was reported, each use of what is not there counted: who compares it before and behind a
+    /// piece of work knows whether that has an error.
+    #[must_use]
+    pub const fn said(&self) -> u64 {
+        self.said
     }
 
     fn gather(&mut self) {

@@ -21,7 +21,7 @@ pub(crate) fn size(ty: &DataType) -> usize {
 
 /// Writes the value a type has when the source gives none: 0, but a blank for CHAR, the length for STRING,
 /// 1990-01-01 for DATE_AND_TIME, and what the components of a structure declare.
-pub(crate) fn write_default(ty: &DataType, at: BitAddr, image: &mut [u8]) {
+pub fn write_default(ty: &DataType, at: BitAddr, image: &mut [u8]) {
     match ty {
         DataType::Char => put(image, at, ty, b" "),
         DataType::String(max) => put(image, at, ty, &[*max]),

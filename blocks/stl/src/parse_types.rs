@@ -235,6 +235,13 @@ impl Parser<'_, '_> {
             self.bump();
             return TypeKind::Simple(ty.clone());
         }
+        // STL moves it as a byte; statements of SCL would calculate with it as a number without sign.
+        if word == "SINT" && self.bodies == Bodies::Scl {
+            let message = "SINT has a sign, which statements of bytes do not take into account";
+            self.sink.report_with(self.index, span, &codes::TYPE_WITHOUT_STL, message, "Write INT.");
+            self.bump();
+            return TypeKind::Bad;
+        }
         if let Some(ty) = tia::simple(word) {
             self.bump();
             return TypeKind::Simple(ty);

@@ -117,7 +117,7 @@ fn compile(
         if is_bad && !known {
             println!("  {} does not compile", source.name);
         }
-        let text = source.bytes.strip_prefix(samples::OK_FLAG.as_bytes()).unwrap_or(&source.bytes);
+        let text = source.bytes.strip_prefix(ob1_project::OK_FLAG.as_bytes()).unwrap_or(&source.bytes);
         if distinct.insert(text.to_vec()) {
             good += usize::from(!is_bad);
         }

@@ -3,14 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use ob1_ir::{Op, Program, Symbol};
-use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Archive, Choice, CodePage, Notes, Project, Tree, Wanted, translate};
+use ob1_ir::{Program, Symbol};
+use ob1_model::BlockId;
+use ob1_project::{
+    Archive, Choice, CodePage, Notes, OK_FLAG, Project, Tree, Wanted, block_id, has_ok, heads, translate,
+};
 use ob1_std::standard_blocks;
 use ob1_stl::{Library, Mnemonics, Source, read_symbols};
-
-/// Stands before a source that was compiled with this option of the project.
-pub const OK_FLAG: &str = "{SCL_SetOKFlag := 'y'} ";
 
 /// One release.
 pub struct Release {
@@ -68,24 +67,6 @@ fn symbol_text(rows: &[ob1_project::SymbolRow]) -> String {
         .collect()
 }
 
-/// What a source makes: the first words of its blocks and the names behind them.
-fn heads(text: &str) -> Vec<(&'static str, String)> {
-    const WORDS: [&str; 5] = ["FUNCTION_BLOCK", "FUNCTION", "TYPE", "DATA_BLOCK", "ORGANIZATION_BLOCK"];
-    let mut out = Vec::new();
-    for line in text.lines() {
-        let line = line.trim_start_matches('\u{feff}').trim();
-        let begins = |word: &&str| {
-            line.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
-                && line[word.len()..].starts_with([' ', '\t'])
-        };
-        if let Some(word) = WORDS.into_iter().find(begins) {
-            let name = line[word.len()..].trim().trim_start_matches('"');
-            out.push((word, name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()));
-        }
-    }
-    out
-}
-
 /// The number of a release in the name of its archive.
 pub fn digits(path: &Path) -> String {
     let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -107,26 +88,6 @@ pub fn read(path: &Path) -> Vec<Release> {
         }
     }
     out
-}
-
-/// Whether a block was compiled with the option of the OK flag: it clears the bit that it sets at its beginning.
-fn has_ok(program: &Program, id: BlockId) -> bool {
-    let Some(block) = program.blocks.iter().find(|b| b.id == id) else { return false };
-    let ops: Vec<&Op> = block.code.iter().map(|s| &s.op).collect();
-    let [Op::SetRlo, Op::SaveRlo, Op::Assign(ok), ..] = ops.as_slice() else { return false };
-    ops.windows(2).any(|pair| matches!(pair, [Op::ClearRlo, Op::Assign(bit)] if bit == ok))
-}
-
-fn block_id(address: &str) -> Option<BlockId> {
-    let at = address.find(|c: char| c.is_ascii_digit())?;
-    let kind = match address.get(..at)? {
-        "FC" => BlockKind::Fc,
-        "FB" => BlockKind::Fb,
-        "OB" => BlockKind::Ob,
-        "DB" => BlockKind::Db,
-        _ => return None,
-    };
-    Some(BlockId::new(kind, address.get(at..)?.parse().ok()?))
 }
 
 /// One program. `None` where it has no SCL sources.

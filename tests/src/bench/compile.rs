@@ -1,5 +1,5 @@
-//! The compile time of the front end for a large program: mixed statements, symbols, calls, structures; and whether it
-//! is proportional to the length.
+//! The compile time of the front ends for a large program: mixed statements, symbols, calls, structures; whether it is
+//! proportional to the length; and the lines of SCL a second.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -20,12 +20,16 @@ const AIM_S: f64 = 2.0;
 const LINEAR: f64 = 2.6;
 /// Statements of one generated function.
 const BODY: usize = 50;
+/// Functions of the SCL program, of 38 lines each.
+const SCL_FUNCTIONS: usize = 2_500;
+/// Lines of SCL a second.
+const SCL_AIM: f64 = 200_000.0;
 
 /// Compiles the programs; milliseconds of each.
 ///
 /// # Errors
 /// If the generated program is refused.
-pub fn measure() -> Result<[Figure; 2], Failure> {
+pub fn measure() -> Result<[Figure; 3], Failure> {
     let mut times = [0.0; SIZES.len()];
     for (time, statements) in times.iter_mut().zip(SIZES) {
         *time = compile(statements)?;
@@ -51,7 +55,52 @@ pub fn measure() -> Result<[Figure; 2], Failure> {
             floor: None,
             aim: ("< 2.6", growth < LINEAR),
         },
+        scl()?,
     ])
+}
+
+/// Lines of SCL a second.
+fn scl() -> Result<Figure, Failure> {
+    let text = scl_program(SCL_FUNCTIONS);
+    let lines = text.lines().count() as f64;
+    let mut times = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let source = Source::new("generated.scl", text.clone().into_bytes());
+        let began = Instant::now();
+        let output = ob1_scl::compile(&[source], &Library::new(), &Options::default());
+        times.push(began.elapsed().as_secs_f64());
+        if let Some(first) = output.diagnostics.first() {
+            return Err(format!("the generated program is refused: line {}: {}", first.line, first.message).into());
+        }
+    }
+    let speed = lines / median(&mut times);
+    println!("compile: {lines:>7} lines of SCL, {speed:.0} a second");
+    let aim = (">= 200,000", speed >= SCL_AIM);
+    Ok(Figure { what: "lines of SCL compiled".into(), value: speed, unit: "/s", floor: None, aim })
+}
+
+/// Functions with branches, loops, arrays, conversions and calls, as programs have them; with comments and empty lines.
+fn scl_program(functions: usize) -> String {
+    let mut text = String::with_capacity(functions * 1_000);
+    for n in 1..=functions {
+        let other = n % functions + 1;
+        let _ = write!(
+            text,
+            "FUNCTION FC{n} : INT\nVAR_INPUT\n    on : BOOL;\n    amount : INT;\n    level : REAL;\nEND_VAR\nVAR_OUTPUT\n    done : BOOL;\n\
+             END_VAR\nVAR\n    i, sum : INT;\n    list : ARRAY[0..15] OF INT;\n    word : WORD;\n    bits AT word : ARRAY[0..15] OF BOOL;\nEND_VAR\n\
+             BEGIN\n\n(* what is seldom *)\nsum := 0;\nIF on AND NOT M{byte}.1 OR amount > 100 THEN\n    done := TRUE;     // at once\n\
+             ELSIF level * 2.5 - 1.0 < INT_TO_REAL(amount) THEN\n    done := M{byte}.2;\nEND_IF;\nFOR i := 0 TO 15 DO\n    list[i] := amount + i * 3;\n    \
+             sum := sum + list[i] MOD 7;\nEND_FOR;\nCASE amount OF\n    1, 2: sum := sum + 1;\n    3..9: sum := LIMIT(MN := 0, IN := sum, MX := 500);\nELSE\n    \
+             sum := sum / 2;\nEND_CASE;\nword := INT_TO_WORD(sum) AND 16#FF;\ndone := done XOR bits[3];\n{call}FC{n} := sum;\nEND_FUNCTION\n",
+            byte = n % 100,
+            call = if n % 5 == 0 {
+                format!("sum := FC{other}(on := done, amount := sum, level := 0.5, done := done);\n")
+            } else {
+                String::new()
+            },
+        );
+    }
+    text
 }
 
 /// The median of a few rounds, in milliseconds.

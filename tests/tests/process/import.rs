@@ -21,13 +21,13 @@ fn put(files: &Files, folder: &Path) {
     }
 }
 
-fn project(site: &Site, files: &Files) -> String {
+pub(crate) fn project(site: &Site, files: &Files) -> String {
     let folder = site.path("project");
     put(files, &folder);
     folder.display().to_string()
 }
 
-fn text(path: &Path) -> String {
+pub(crate) fn text(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 

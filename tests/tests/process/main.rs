@@ -45,6 +45,7 @@ mod s7_status;
 mod s7_stops;
 mod s7_tshark;
 mod scan;
+mod scl_lines;
 mod serial_devices;
 mod siege;
 mod simulated_line;

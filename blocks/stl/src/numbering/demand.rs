@@ -27,7 +27,7 @@ const OF_OPERATORS: [(&str, &str, &[&str]); 8] = [
 ];
 
 /// Functions of SCL that are blocks under another name.
-pub const OF_FUNCTIONS: [(&str, &str); 14] = [
+pub const OF_FUNCTIONS: [(&str, &str); 20] = [
     ("INT_TO_STRING", "I_STRNG"),
     ("DINT_TO_STRING", "DI_STRNG"),
     ("REAL_TO_STRING", "R_STRNG"),
@@ -42,6 +42,12 @@ pub const OF_FUNCTIONS: [(&str, &str); 14] = [
     ("CONCAT_DATE_TOD", "D_TOD_DT"),
     ("S5TIME_TO_TIME", "S5TI_TIM"),
     ("TIME_TO_S5TIME", "TIM_S5TI"),
+    ("T_ADD", "AD_DT_TM"),
+    ("T_SUB", "SB_DT_TM"),
+    ("T_DIFF", "SB_DT_DT"),
+    ("T_COMBINE", "D_TOD_DT"),
+    ("RD_SYS_T", "READ_CLK"),
+    ("RD_LOC_T", "READ_CLK"),
 ];
 
 impl Elaborator<'_> {
@@ -89,7 +95,7 @@ impl Elaborator<'_> {
     /// What statements of SCL call, and what their operators on texts and dates become.
     fn demand_scl(&mut self, file: &File<'_>, block: &Block, demanded: &mut Vec<Numbered>) {
         let Some(tokens) = block.scl.clone().and_then(|range| file.tokens.get(range)) else { return };
-        let whole = file.tokens.iter().take_while(|t| t.span.start < block.span.start).count();
+        let whole = file.tokens.partition_point(|t| t.span.start < block.span.start);
         let head = file.tokens.get(whole..).unwrap_or_default();
         let has = |words: &[&str]| {
             head.iter()

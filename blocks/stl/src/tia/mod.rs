@@ -147,7 +147,7 @@ pub(crate) fn instance(word: &str) -> Option<BlockId> {
 }
 
 /// DTL: 12 bytes. Without a start value it is DTL#1970-01-01-00:00:00, a Thursday.
-pub(crate) fn dtl() -> DataType {
+pub fn dtl() -> DataType {
     let field = |name: &str, ty, initial: &[u8]| Field {
         name: name.to_owned(),
         ty,

@@ -9,6 +9,7 @@ mod output;
 mod profibus;
 mod replace;
 mod report;
+mod scl;
 mod station;
 mod upload;
 mod used;
@@ -22,8 +23,8 @@ use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SymbolRow, Translation, Tree, Wanted,
-    translate,
+    Choice, CodePage, FileSource, Folder, Language, Notes, Project, Root, SclSource, SymbolRow, Translation, Tree,
+    Wanted, scl_sources, translate,
 };
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
@@ -71,6 +72,10 @@ pub struct ImportArgs {
     /// Of blocks out of a CPU (.mc7): an old project of the plant, for its names, symbols and comments
     #[arg(long, value_name = "PROJECT", requires = "out")]
     pub names_from: Option<PathBuf>,
+    /// Run the project's SCL sources in the place of the machine code, where they compile and declare the same
+    /// interface; without it they lie beside the station
+    #[arg(long, requires = "out")]
+    pub scl: bool,
     /// Draw the networks, too: drawings/FC_5.txt beside the blocks
     #[arg(long, requires = "out")]
     pub drawings: bool,
@@ -262,8 +267,13 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
         Some(folder) => GsdFiles::read(folder, &mut notes)?,
         None => GsdFiles::default(),
     };
-    let named = station::Named { title: &taken.title, name: station_name(out), set: args.mnemonics.or(INTERNATIONAL) };
-    let made = station::make(&named, (&taken.folder, &translation), &modules, &replaced, &gsds);
+    let set = args.mnemonics.or(INTERNATIONAL);
+    let texts = taken.project.sources(&tree, taken.choice);
+    let sources = scl_sources(&texts, &translation, &library, &translation.program.symbols, set);
+    let instead: Vec<&SclSource> = sources.iter().filter(|s| args.scl && s.why_not.is_none()).collect();
+    let named = station::Named { title: &taken.title, name: station_name(out), set, scl: &instead };
+    let mut made = station::make(&named, (&taken.folder, &translation), &modules, &replaced, &gsds);
+    scl::lay_beside(&mut made, &sources, args.scl);
     notes.extend(replaced.notes.clone());
     let mut written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
     if args.drawings {

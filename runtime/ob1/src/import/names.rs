@@ -12,6 +12,9 @@ pub(super) const SYMBOLS: &str = "symbols.sdf";
 /// The folder of sources and machine code.
 pub(super) const BLOCKS: &str = "blocks";
 
+/// The folder of the project's SCL sources.
+pub(super) const SCL: &str = "scl";
+
 /// The folder of drawings.
 pub(super) const DRAWINGS: &str = "drawings";
 

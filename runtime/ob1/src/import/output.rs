@@ -8,7 +8,7 @@ use ob1_project::{Notes, SymbolRow, Translation};
 use ob1_station_file::finding::Finding;
 use ob1_stl::Source;
 
-use super::names::{BLOCKS, DRAWINGS, GSD, REPORT, STATION, SYMBOLS};
+use super::names::{BLOCKS, DRAWINGS, REPORT, STATION, SYMBOLS};
 use super::report;
 use super::station::Made;
 use crate::check;
@@ -102,11 +102,9 @@ fn put_all(
     if !symbols.is_empty() {
         put(SYMBOLS.to_owned(), symbols.as_bytes())?;
     }
-    if !station.files.is_empty() {
-        let folder = out.join(GSD);
-        std::fs::create_dir_all(&folder).map_err(refused(&folder))?;
-    }
     for (path, bytes) in &station.files {
+        let folder = out.join(path).parent().map_or_else(|| out.to_owned(), Path::to_owned);
+        std::fs::create_dir_all(&folder).map_err(refused(&folder))?;
         put(path.clone(), bytes)?;
     }
     for file in translation.sources.iter().chain(&translation.images) {

@@ -6,14 +6,14 @@ use std::fmt::Write as _;
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Area, Folder, Module, Note, Notes, Translation};
+use ob1_project::{Area, Folder, Module, Note, Notes, SclSource, Translation, awl};
 use ob1_station::posture;
 use ob1_std::standard_blocks;
 
 use ob1_station::source_view;
 
 use super::hardware::{Hardware, cp_type, merged};
-use super::names::{BLOCKS, SYMBOLS, clean, line};
+use super::names::{BLOCKS, SCL, SYMBOLS, clean, line};
 use super::profibus::{GsdFiles, Slaves};
 use super::replace::{Replaced, plugin_of};
 use super::used::{Used, areas};
@@ -46,6 +46,8 @@ pub(super) struct Named<'n> {
     pub(super) name: Option<String>,
     /// The mnemonics of its sources.
     pub(super) set: ob1_stl::Mnemonics,
+    /// The SCL sources that stand in the place of their blocks.
+    pub(super) scl: &'n [&'n SclSource],
 }
 
 /// Writes the station file of a program.
@@ -64,7 +66,7 @@ pub(super) fn make(
     modules.of_operands(&used, hardware, &mut made.notes);
     head(&mut made, named, &used, hardware);
     cyclic(&mut made.text, &translation.program, hardware);
-    program(&mut made.text, translation, replaced, named.set);
+    program(&mut made.text, translation, replaced, named);
     plugins(&mut made, folder, translation, replaced);
     made.text.push_str(&modules.text);
     made.text.push_str(&slaves.text);
@@ -123,20 +125,24 @@ fn cyclic(text: &mut String, program: &Program, hardware: &Hardware) {
     }
 }
 
-fn program(text: &mut String, translation: &Translation, replaced: &Replaced, set: ob1_stl::Mnemonics) {
-    let list = |key: &str, names: &[&str]| {
-        let names: String = names.iter().map(|name| format!("    \"{BLOCKS}/{name}\",\n")).collect();
+fn program(text: &mut String, translation: &Translation, replaced: &Replaced, named: &Named<'_>) {
+    let list = |key: &str, names: &[String]| {
+        let names: String = names.iter().map(|name| format!("    \"{name}\",\n")).collect();
         format!("{key} = [\n{names}]\n")
     };
-    let names = |files: &'_ [ob1_project::ProgramFile]| files.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
-    let (sources, images) = (names(&translation.sources), names(&translation.images));
-    let sources: Vec<&str> = sources.iter().map(String::as_str).collect();
-    let images: Vec<&str> = images.iter().map(String::as_str).collect();
+    let stem = |file: &str| file.split('.').next().unwrap_or_default().to_owned();
+    let instead: BTreeSet<String> = named.scl.iter().flat_map(|s| s.blocks.iter().map(|id| stem(&awl(*id)))).collect();
+    let names = |files: &'_ [ob1_project::ProgramFile]| -> Vec<String> {
+        let kept = files.iter().filter(|f| !instead.contains(&stem(&f.name)));
+        kept.map(|f| format!("{BLOCKS}/{}", f.name)).collect()
+    };
+    let (mut sources, images) = (names(&translation.sources), names(&translation.images));
+    sources.extend(named.scl.iter().map(|source| format!("{SCL}/{}", source.name)));
     let _ = writeln!(text, "\n[program]");
     if !translation.program.symbols.is_empty() {
         let _ = writeln!(text, "symbols = [\"{SYMBOLS}\"]");
     }
-    let _ = writeln!(text, "mnemonics = \"{}\"", source_view::word(set));
+    let _ = writeln!(text, "mnemonics = \"{}\"", source_view::word(named.set));
     text.push_str(&list("sources", &sources));
     if !images.is_empty() {
         text.push_str(&list("mc7", &images));

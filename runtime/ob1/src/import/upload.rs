@@ -126,7 +126,7 @@ pub(super) fn station_of(
     let (replaced, _, mut translation) = translated(&folder, page, known, wanted.set)?;
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
-    let named = station::Named { title, name: station_name(wanted.out.0), set: wanted.set };
+    let named = station::Named { title, name: station_name(wanted.out.0), set: wanted.set, scl: &[] };
     let made = station::make(&named, (&folder, &translation), &Hardware::default(), &replaced, &GsdFiles::default());
     notes.extend(replaced.notes.clone());
     let mut written = output::write(wanted.out, title, &translation, &symbols, &made, &notes)?;

@@ -314,3 +314,20 @@ fn what_cannot_be_used_is_told_before_anything_runs() {
     let junit = std::fs::read_to_string(bench.path().join("r.xml")).expect("the report");
     assert!(junit.contains("errors=\"1\"") && junit.contains("<error message="), "{junit}");
 }
+
+/// A fault in SCL is told with its line.
+#[test]
+fn a_fault_in_scl_has_its_line() {
+    let bench = Bench::new("");
+    let scl = "ORGANIZATION_BLOCK OB1\nVAR_TEMP\n    info : ARRAY[0..19] OF BYTE;\n    i : INT;\nEND_VAR\nBEGIN\n    i := 5;\n    \
+               DB9.DW[i * 1000] := 16#1;\n    i := 6;\nEND_ORGANIZATION_BLOCK\nDATA_BLOCK DB9\nSTRUCT\n    n : INT;\n\
+               END_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
+    bench.write("p.scl", scl);
+    bench.write(
+        "p.test.toml",
+        "sources = [\"p.scl\"]\n[[test]]\nname = \"beyond\"\n[[test.step]]\nexpect = { \"MW 0\" = 0 }\n",
+    );
+    let (code, text) = bench.test(&[]);
+    assert_eq!(code, Some(1), "{text}");
+    assert!(text.contains("the CPU is in STOP") && text.contains("line 8"), "{text}");
+}

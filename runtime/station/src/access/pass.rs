@@ -239,11 +239,14 @@ pub(super) fn source(file: &str, started: u64) -> Option<Source> {
     Some(Source::new(file, files::read(path, files::LONGEST).ok()?))
 }
 
-/// The line of some statements, the first of which has this index.
-fn line(order: &PassOrder, pass: &Pass, statements: std::ops::Range<usize>) -> (u32, Option<Registers>) {
-    let first = order.first as usize;
-    let of = statements.start.saturating_sub(first)..statements.end.saturating_sub(first);
-    let ran = pass.lines.get(of).unwrap_or_default().iter().rfind(|line| line.times > 0);
+/// The line of some statements, by their indices in order.
+fn line(
+    order: &PassOrder,
+    pass: &Pass,
+    statements: impl DoubleEndedIterator<Item = usize>,
+) -> (u32, Option<Registers>) {
+    let of = |at: usize| pass.lines.get(at.checked_sub(order.first as usize)?);
+    let ran = statements.filter_map(of).rfind(|line| line.times > 0);
     (ran.map_or(0, |line| line.times), ran.map(Registers::from))
 }
 
@@ -252,21 +255,22 @@ fn of_source(block: &CodeBlock, order: &PassOrder, pass: &Pass, source: &Source)
     let text = source.text();
     let texts: Vec<&str> = text.lines().collect();
     let all = order.first as usize..(order.first + order.count) as usize;
-    // By line: its statements are in a row.
-    let mut by_line: BTreeMap<u32, std::ops::Range<usize>> = BTreeMap::new();
+    // The step of a FOR of SCL lies behind what stands in it.
+    let mut by_line: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (at, stmt) in block.code.iter().enumerate().take(all.end).skip(all.start) {
-        by_line.entry(stmt.line).and_modify(|range| range.end = at + 1).or_insert(at..at + 1);
+        by_line.entry(stmt.line).or_default().push(at);
     }
     let (Some((first, _)), Some((last, _))) = (by_line.first_key_value(), by_line.last_key_value()) else {
         return Vec::new();
     };
     let one = |number: u32| {
         let text = texts.get((number as usize).wrapping_sub(1)).map_or("", |text| text.trim_end()).to_owned();
-        let Some(statements) = by_line.get(&number).cloned() else {
+        let Some(statements) = by_line.get(&number) else {
             return LineStatus { line: number, text, ..LineStatus::default() };
         };
-        let network = block.code.get(statements.start).map_or(0, |stmt| stmt.network);
-        let (times, registers) = line(order, pass, statements.clone());
+        let first = statements.first().and_then(|at| block.code.get(*at));
+        let network = first.map_or(0, |stmt| stmt.network);
+        let (times, registers) = line(order, pass, statements.iter().copied());
         LineStatus { line: number, text, network, statements: statements.len() as u32, times, registers }
     };
     (*first..=*last).map(one).collect()

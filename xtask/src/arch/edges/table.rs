@@ -23,7 +23,7 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-std", "invariant 2", &["ob1-model", "ob1-time", "ob1-words"]),
     // A view that must give back the same statements; the names come from the printer.
     row("ob1-ladder", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl"]),
-    row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
+    row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-scl", "ob1-mc7", "encoding_rs", "zip"]),
     // The bytes of a memory, independent of their origin.
     row("ob1-arena", "invariant 2", &[]),
     // It runs the system blocks as native blocks: they are pure functions.

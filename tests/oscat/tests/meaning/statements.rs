@@ -1,68 +1,9 @@
 //! What statements of SCL mean: each row is run on the reference engine.
 
-use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, OperatingState, Width, engine, standard_block, system_blocks};
-use ob1_model::Area;
+use ob1_cpu::{Command, Cpu, CpuConfig, engine, system_blocks};
 use ob1_stl::{Library, Options, Source};
-use ob1_time::Instant;
 
-struct Still;
-
-impl Clock for Still {
-    fn now(&mut self) -> Instant {
-        Instant::START
-    }
-    fn executed(&mut self, _statements: u64) {}
-    fn wait(&mut self, _deadline: Instant) {}
-}
-
-/// Runs OB 1 with these declarations and statements once; gives the CPU.
-fn run(before: &str, declared: &str, statements: &str) -> Cpu {
-    let text = format!(
-        "{before}\nORGANIZATION_BLOCK OB1\nVAR_TEMP info : ARRAY[0..19] OF BYTE; {declared} END_VAR\nBEGIN\n{statements}\n\
-         END_ORGANIZATION_BLOCK\n"
-    );
-    let mut library = Library::new();
-    let mut natives = system_blocks();
-    for block in ob1_std::system_functions() {
-        library.insert(block.id, block.name, block.interface);
-    }
-    for block in ob1_std::standard_blocks().into_iter().filter(|b| b.origin == ob1_std::Origin::Iec) {
-        library.insert(block.id, block.name, block.interface.clone());
-        natives.push(standard_block(block.id, block));
-    }
-    let source = Source::new("p.scl", text.into_bytes());
-    let output = ob1_scl::compile(std::slice::from_ref(&source), &library, &Options::default());
-    assert!(output.is_good(), "{}", ob1_stl::render_all(&output.diagnostics, &[source]));
-    let cpu = Cpu::new(CpuConfig::default(), &output.program, natives, Vec::new(), engine::REFERENCE);
-    let mut cpu = cpu.expect("it loads");
-    cpu.request(Command::Run);
-    let end = cpu.cycle(&mut Still);
-    let why: Vec<_> = cpu.diagnostics().map(ToString::to_string).collect();
-    assert_eq!(end.state, OperatingState::Run, "{statements}: {why:?}");
-    cpu
-}
-
-/// The double word MD 100.
-fn result(cpu: &mut Cpu) -> u32 {
-    cpu.read(Cell::Area(Area::Memory, 800), Width::DWord).expect("it is there")
-}
-
-/// What the block of TIA Portal leaves in MD 100: an FC with these declarations and statements.
-fn tia(declared: &str, statements: &str) -> u32 {
-    let block = format!(
-        "FUNCTION \"work\" : Void\n{{ S7_Optimized_Access := 'TRUE' }}\nVAR_TEMP {declared} END_VAR\nBEGIN\n{statements}\n\
-         END_FUNCTION\n"
-    );
-    result(&mut run(&block, "", "\"work\"();"))
-}
-
-/// Declarations, statements, and what they leave in MD 100.
-fn table(rows: &[(&str, &str, u32)]) {
-    for (declared, statements, expected) in rows {
-        let mut cpu = run("", declared, statements);
-        assert_eq!(result(&mut cpu), *expected, "{declared} {statements}");
-    }
-}
+use crate::common::{Still, result, run, table, tia};
 
 const INTS: &str = "a, b, c : INT; d : DINT;";
 const fn real(value: f32) -> u32 {
@@ -71,7 +12,7 @@ const fn real(value: f32) -> u32 {
 
 #[test]
 fn the_example_compiles_beside_stl() {
-    let scl = include_str!("../../../examples/mixing-tank/mixing-tank.scl");
+    let scl = include_str!("../../../../examples/mixing-tank/mixing-tank.scl");
     let stl =
         "FUNCTION FC 90 : VOID\nBEGIN\nCALL FC 10 (raw := MW 10, full := 5.0e2, RET_VAL := MD 12);\nEND_FUNCTION\n";
     let mut library = Library::new();
@@ -434,9 +375,9 @@ fn timers_and_counters_as_functions() {
 /// What `ob1 new station --language scl` writes.
 #[test]
 fn the_program_of_a_new_station_compiles() {
-    let symbols = include_str!("../../../runtime/ob1/src/new/station/symbols.sdf.in");
+    let symbols = include_str!("../../../../runtime/ob1/src/new/station/symbols.sdf.in");
     let symbols = ob1_stl::read_symbols(&Source::new("symbols.sdf", symbols.as_bytes())).symbols;
-    let text = include_str!("../../../runtime/ob1/src/new/station/main.scl.in");
+    let text = include_str!("../../../../runtime/ob1/src/new/station/main.scl.in");
     let source = Source::new("main.scl", text.as_bytes());
     let options = Options { symbols, lints: true, ..Options::default() };
     let output = ob1_scl::compile(std::slice::from_ref(&source), &Library::new(), &options);
