@@ -224,7 +224,11 @@ pub(super) const TABLE: &[Row] = &[
         ],
     ),
     // The observer beside the scan; it knows no station.
-    row("ob1-timing", "invariant 2", &["ob1-coupler", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "parking_lot", "rtrb", "serde"]),
+    row(
+        "ob1-timing",
+        "invariant 2",
+        &["ob1-coupler", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "parking_lot", "rtrb", "serde"],
+    ),
     // A running station; it depends on no tool.
     row(
         "ob1-station",
