@@ -48,7 +48,7 @@ fn simulation(name: &str, packages: &[&str], args: &[String]) -> Outcome {
 }
 
 /// `cargo xtask bench`: the figures of `docs/figures.md`, with the lower limit measured in the same run. `stl`, `line`,
-/// `io` and `s7` compare with other programs and need the Python of the partners. `gate [items browsers paint]
+/// `io` and `s7` compare with other programs and need the Python of the partners. `gate [items browsers flows paint]
 /// [--minutes M]` puts load on the gate.
 ///
 /// # Errors

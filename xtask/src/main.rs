@@ -43,7 +43,7 @@ usage: cargo xtask VERB [...]
                                   bench kill-runtime: how long the outputs of a killed runtime stay on;
                                   bench io: remote I/O over Modbus TCP beside libmodbus;
                                   bench causes: late scans by cause on a machine that is too busy;
-                                  bench gate [items browsers paint] [--minutes M]: OPC UA, pages and the first paint under load
+                                  bench gate [items browsers flows paint] [--minutes M]: OPC UA, pages and the first paint under load
   oscat [--release 3.11] [--calls 1000] [--block NAME] [--show] [--compile] [--speed]
                                   the SCL compiler against Siemens' own, over sample releases beside the checkout (docs/scl.md);
                                   --compile: compiles only; --show: the statements of both; --speed: native code of both

@@ -41,6 +41,7 @@ const SIEGES: &[Siege] = &[
 const LOADS: &[Siege] = &[
     siege("gate_items", "process::gate_load", Long::Minutes(2.0)),
     siege("gate_browsers", "process::gate_load", Long::Minutes(5.0)),
+    siege("gate_flows", "process::gate_load", Long::Minutes(2.0)),
     siege("gate_paint", "process::gate_load", Long::Minutes(0.5)),
 ];
 

@@ -1,4 +1,4 @@
-//! Operands that the CPU of the station does not have: their statements would stop it.
+//! Operands that the CPU of the station does not have: OB 121, or STOP.
 
 use std::collections::BTreeSet;
 
@@ -23,7 +23,8 @@ pub(crate) fn findings(program: &Program, station: &Station) -> Vec<Finding> {
             stmt.op.places(&mut |place, width| found.extend(address(place, width, station)));
             for (operand, has, remedy) in found {
                 if told.insert((block.id, operand.clone())) {
-                    let message = format!("the CPU has no {operand}, only {has}: the statement stops it");
+                    let message =
+                        format!("the CPU has no {operand}, only {has}: its statement is an error (OB 121, or STOP)");
                     all.push(Finding::in_line(Level::Warning, BEYOND, file, stmt.line, message, &remedy));
                 }
             }

@@ -102,9 +102,15 @@ fn cps(frame: &mut Frame<'_>, area: Rect, data: &Data) {
 }
 
 fn diagnostics(frame: &mut Frame<'_>, area: Rect, data: &Data) {
-    let text = crate::diag::text(Some(&data.now.diagnostics), &data.now.cp_buffers);
-    let folded = Paragraph::new(text).wrap(Wrap { trim: false });
-    frame.render_widget(folded.block(titled("diagnostic buffers, newest first")), area);
+    let folded = |text: String, title| Paragraph::new(text).wrap(Wrap { trim: false }).block(titled(title));
+    let buffer = folded(crate::diag::text(Some(&data.now.diagnostics), &[]), "diagnostic buffer, newest first");
+    if data.now.cp_buffers.is_empty() {
+        return frame.render_widget(buffer, area);
+    }
+    let [cpu, cps] = Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
+    frame.render_widget(buffer, cpu);
+    let text = crate::diag::text(None, &data.now.cp_buffers);
+    frame.render_widget(folded(text, "of the CPs, newest first"), cps);
 }
 
 fn buses(frame: &mut Frame<'_>, area: Rect, data: &Data) {
