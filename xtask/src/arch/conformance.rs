@@ -185,7 +185,8 @@ const HEAD: &str = "\
 
 Every row of chapters 3 to 7 of the loadable driver's manual (S4) and of sections 1 to 6 of the reference, with the test
 that proves it or the reason why there is none: *fact only* (nothing to be done by this program), *other module*,
-*hardware fault*.
+*hardware fault*. \"Reference\" with a number is a section of the facts about CP 341 and CP 340 that were gathered from
+their manuals and TIA Portal's help before the blocks were written; each row here says the fact itself.
 
 Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
 when a test is not there, and when a section has no row.
