@@ -164,7 +164,7 @@ struct Looked {
     ratio: f64,
     /// How far quiet differs from quiet.
     spread: f64,
-    round: u32,
+    round: u64,
     seconds: f64,
     /// Events that the streams were told.
     told: u64,
