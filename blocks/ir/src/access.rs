@@ -48,6 +48,17 @@ macro_rules! place_in {
     };
 }
 
+/// What has a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Numbered {
+    /// `T 5`.
+    Timer,
+    /// `Z 5`.
+    Counter,
+    /// `DB 10`.
+    DataBlock,
+}
+
 impl Op {
     /// The operand that an operation other than a call reads or writes.
     #[must_use]
@@ -150,6 +161,29 @@ impl Op {
     /// The same number, to be exchanged.
     pub const fn number_mut(&mut self) -> Option<&mut Number> {
         number_in!(self)
+    }
+
+    /// What [`Op::number`] is the number of.
+    #[must_use]
+    pub const fn numbered(&self) -> Option<Numbered> {
+        Some(match self {
+            Op::Scan { test: BitTest::Timer(_), .. }
+            | Op::LoadTimer(_)
+            | Op::LoadTimerBcd(_)
+            | Op::StartTimer(..)
+            | Op::ResetTimer(_)
+            | Op::EnableTimer(_) => Numbered::Timer,
+            Op::Scan { test: BitTest::Counter(_), .. }
+            | Op::LoadCounter(_)
+            | Op::LoadCounterBcd(_)
+            | Op::CountUp(_)
+            | Op::CountDown(_)
+            | Op::SetCounter(_)
+            | Op::ResetCounter(_)
+            | Op::EnableCounter(_) => Numbered::Counter,
+            Op::OpenDb(..) => Numbered::DataBlock,
+            _ => return None,
+        })
     }
 
     /// Shows `see` the number of every timer, counter and block this operation names.

@@ -17,6 +17,7 @@ mod text;
 mod verify;
 pub mod why;
 
+pub use access::Numbered;
 pub use call::{Arg, Call, CallMode, Target};
 pub use file::{ParseError, parse, write};
 pub use notation::Notation;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{CodeBlock, Notation, Op, Program};
-use ob1_model::Layout;
+use ob1_ir::{CodeBlock, Notation, Op, Operand, Place, Program};
+use ob1_model::{Layout, Width};
 use ob1_stl::print::Listing;
 use ob1_stl::{Mnemonics, address_in_set};
 
@@ -56,14 +56,9 @@ pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, Stri
             }
         }
         for leaf in leaves {
-            let (unit, at) = match leaf.ty.elementary_bits() {
-                Some(1) => ('X', leaf.at.to_string()),
-                Some(8) => ('B', (leaf.at.0 / 8).to_string()),
-                Some(16) => ('W', (leaf.at.0 / 8).to_string()),
-                Some(32) => ('D', (leaf.at.0 / 8).to_string()),
-                _ => continue,
-            };
-            all.insert(format!("DB{}.DB{unit} {at}", block.number), format!("{own}.{}", leaf.path));
+            let Some(width) = Width::of(&leaf.ty) else { continue };
+            let operand = Operand { width, place: Place::InDb(block.number, leaf.at) };
+            all.insert(operand.to_string(), format!("{own}.{}", leaf.path));
         }
     }
     all

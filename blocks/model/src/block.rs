@@ -86,6 +86,17 @@ impl BlockId {
     pub const fn new(kind: BlockKind, number: u16) -> Self {
         Self { kind, number }
     }
+
+    /// `FC 0`, `fb60`, `DB 10`, with or without blanks. `None`: it is no block that a program has or calls.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        const KINDS: [BlockKind; 6] =
+            [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Sfb, BlockKind::Sfc, BlockKind::Db];
+        let text = text.trim();
+        let (word, number) = text.split_at(text.find(|c: char| c.is_ascii_digit())?);
+        let kind = KINDS.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(word.trim()))?;
+        Some(Self::new(kind, number.parse().ok()?))
+    }
 }
 
 /// True for the number of an organization block that an S7-300 or S7-400 has; the operating system calls no others.

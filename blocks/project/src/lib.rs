@@ -40,7 +40,7 @@ pub use note::{Note, Notes, Weight};
 pub use old_names::OldNames;
 pub use overlay::{Image, Refused, announce, overlay};
 pub use project::{BlockFolder, Choice, Program, Project};
-pub use scl::{OK_FLAG, SclSource, awl, block_id, has_ok, heads, scl_sources};
+pub use scl::{OK_FLAG, SclSource, awl, has_ok, heads, scl_sources};
 pub use sources::SourceText;
 pub use symbols::SymbolRow;
 pub use text::CodePage;

@@ -71,8 +71,10 @@ fn listed(texts: &[SourceText], program: &Program, symbols: &[Symbol]) -> Vec<Sc
         if heads.is_empty() {
             continue;
         }
-        let made: Vec<Option<BlockId>> =
-            heads.iter().map(|(_, name)| block_id(addresses.get(&name.to_uppercase()).unwrap_or(&&**name))).collect();
+        let made: Vec<Option<BlockId>> = heads
+            .iter()
+            .map(|(_, name)| BlockId::parse(addresses.get(&name.to_uppercase()).unwrap_or(&&**name)))
+            .collect();
         let blocks: Vec<BlockId> = made.iter().flatten().copied().collect();
         let data = |id: &BlockId| id.kind == BlockKind::Db;
         let there = |id: &BlockId| program.blocks.iter().any(|block| block.id == *id);
@@ -210,21 +212,6 @@ fn without_comments(text: &str) -> String {
         }
     }
     kept
-}
-
-/// A block by its address: `FC186`, `FC 186`.
-#[must_use]
-pub fn block_id(address: &str) -> Option<BlockId> {
-    let compact: String = address.chars().filter(|c| !c.is_whitespace()).collect();
-    let at = compact.find(|c: char| c.is_ascii_digit())?;
-    let kind = match compact.get(..at)?.to_ascii_uppercase().as_str() {
-        "FC" => BlockKind::Fc,
-        "FB" => BlockKind::Fb,
-        "OB" => BlockKind::Ob,
-        "DB" => BlockKind::Db,
-        _ => return None,
-    };
-    Some(BlockId::new(kind, compact.get(at..)?.parse().ok()?))
 }
 
 /// Whether a block was compiled with the option of the OK flag: it clears the bit that it sets at its beginning.

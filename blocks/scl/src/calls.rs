@@ -70,6 +70,11 @@ impl<'c> Checker<'c> {
         Typed::new(Kind::Call(Box::new(call)), ty, span)
     }
 
+    fn missing_block(&mut self, id: BlockId, args: &[Arg], span: Span) {
+        let given: Vec<&str> = args.iter().filter_map(|arg| arg.name).map(|name| self.name(name)).collect();
+        self.world.report_missing(id, &given, self.block.file, span, self.sink);
+    }
+
     /// A call of a function.
     pub(crate) fn call_block(&mut self, id: BlockId, args: &[Arg], span: Span) -> Option<Named<'c>> {
         if id.kind.has_instance() {
@@ -82,7 +87,7 @@ impl<'c> Checker<'c> {
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
-            self.world.report_missing(id, self.block.file, span, self.sink);
+            self.missing_block(id, args, span);
             return None;
         };
         self.call(id, info, (Target::Block(id), None, None), args, span).map(Named::Value)
@@ -157,7 +162,7 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<Named<'c>> {
         let Some(info) = self.world.blocks.get(&id) else {
-            self.world.report_missing(id, self.block.file, span, self.sink);
+            self.missing_block(id, args, span);
             return None;
         };
         if let (Some(Number::Fixed(db)), Target::Block(_)) = (instance, target) {

@@ -65,7 +65,7 @@ impl<'l> Lowerer<'l, '_> {
         let Some(info) = resolver.world.blocks.get(&id) else {
             let names = statement.args.iter().filter_map(|arg| self.file.tokens.get(arg.name));
             let given: Vec<&str> = names.map(|token| self.file.of(*token).trim_matches('"')).collect();
-            resolver.world.report_missing_call(id, &given, self.index, span, self.sink);
+            resolver.world.report_missing(id, &given, self.index, span, self.sink);
             return None;
         };
         self.check_instance(mode, target, id, instance, span)?;
@@ -308,7 +308,7 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
         return resolver.operand(reader);
     }
     if let Some(id) = resolver.lacking(name) {
-        resolver.world.report_missing(id, reader.index, token.span, reader.sink);
+        resolver.world.report_missing(id, &[], reader.index, token.span, reader.sink);
         return None;
     }
     if !resolver.is_unknown(name) {

@@ -257,7 +257,7 @@ impl Elaborator<'_> {
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
-            self.world.report_missing(id, file, span, self.sink);
+            self.world.report_missing(id, &[], file, span, self.sink);
             return None;
         };
         let ty = info.interface.instance_type();

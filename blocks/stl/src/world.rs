@@ -180,13 +180,9 @@ impl World {
         })
     }
 
-    /// Reports a use of a block that is not there, unless it is the program's own with a mistake.
-    pub fn report_missing(&self, id: BlockId, file: usize, span: Span, sink: &mut Sink) {
-        self.report_missing_call(id, &[], file, span, sink);
-    }
-
-    /// The same of a call that supplies the parameters `given`.
-    pub fn report_missing_call(&self, id: BlockId, given: &[&str], file: usize, span: Span, sink: &mut Sink) {
+    /// Reports a use of a block that is not there, unless it is the program's own with a mistake. `given` are the
+    /// parameters that a call supplies.
+    pub fn report_missing(&self, id: BlockId, given: &[&str], file: usize, span: Span, sink: &mut Sink) {
         if self.own.contains(&id) {
             return;
         }
@@ -200,7 +196,7 @@ impl World {
     /// Reports a use of a data block that is not there, or of what it is made from.
     pub fn report_missing_data(&self, db: u16, name: &str, file: usize, span: Span, sink: &mut Sink) {
         if let Some(of) = self.unmade.get(&db) {
-            return self.report_missing(*of, file, span, sink);
+            return self.report_missing(*of, &[], file, span, sink);
         }
         if self.own.contains(&BlockId::new(BlockKind::Db, db)) {
             return;

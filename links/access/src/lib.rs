@@ -6,7 +6,6 @@
 //! meaning.
 
 pub mod audit;
-pub mod block_name;
 mod datum;
 pub mod door;
 mod form;
@@ -14,6 +13,7 @@ mod item;
 mod near;
 pub mod partner;
 mod rights;
+mod stop;
 pub mod text;
 pub mod value;
 pub mod why;
@@ -24,3 +24,4 @@ pub use item::{Item, NamedBlock, Names, Reading, Typed};
 pub use near::nearest;
 pub use ob1_model::{Cell, CellError, Piece, Put, Width};
 pub use rights::{Allowed, Right};
+pub use stop::{LastStop, last_stop};

@@ -12,7 +12,6 @@ use ob1_stl::{CrossReference, Mnemonics, Reference};
 use serde::{Deserialize, Serialize};
 
 use crate::Names;
-use crate::block_name::parse_block;
 
 /// A question: why a bit has its value, or a block is not called.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -247,7 +246,7 @@ pub fn order<P: Deref<Target = Program>>(
     let first = end.saturating_sub(PASS_STATEMENTS);
     let order = PassOrder {
         block: *id,
-        from: wanted.inside.from.as_deref().and_then(parse_block),
+        from: wanted.inside.from.as_deref().and_then(BlockId::parse),
         db: wanted.inside.db.unwrap_or(0),
         first: first as u32,
         count: (length - first).min(PASS_STATEMENTS) as u32,
@@ -260,11 +259,11 @@ pub fn order<P: Deref<Target = Program>>(
 
 /// What a name means: the operand in German mnemonics, its symbol, and what it is.
 fn subject(program: &Program, names: &Names, text: &str) -> Result<(String, Option<String>, Subject), String> {
-    if let Some(id) = parse_block(text) {
+    if let Some(id) = BlockId::parse(text) {
         return Ok((id.to_string(), None, Subject::Block(id)));
     }
     if let Some((block, name)) = text.split_once('#')
-        && let Some(id) = parse_block(block)
+        && let Some(id) = BlockId::parse(block)
     {
         let place = find_block(program, id).and_then(|block| own(block, name.trim()));
         let place = place.ok_or_else(|| format!("{id} has no bit #{}", name.trim()))?;
@@ -464,7 +463,7 @@ impl<P: Deref<Target = Program>> Here<'_, P> {
         let Op::Call(call) = &stmt.op else { return None };
         let is_here = |(id, line, _): &&(BlockId, u32, String)| (*id, *line) == (self.block.id, stmt.line);
         let (block, name) = question.via.iter().find(is_here)?.2.split_once('.')?;
-        find_block(self.known.program(), parse_block(block)?)?;
+        find_block(self.known.program(), BlockId::parse(block)?)?;
         let db = if let Some(Number::Fixed(db)) = call.instance { Some(db) } else { None };
         Some(Inside { ask: format!("{block} #{name}"), db, from: Some(self.block.id.to_string()) })
     }

@@ -19,7 +19,6 @@ use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
 use ob1_station::source_view;
 use ob1_station_file::EngineChoice;
-use ob1_station_file::files;
 use ob1_station_file::finding::{Finding, Level};
 use ob1_station_file::findings::MISPLACED;
 use ob1_station_file::library::{Choice, Chosen};
@@ -227,7 +226,8 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
 
 /// The program as its sources have it.
 fn sources_text(program: &ob1_ir::Program, library: &ob1_stl::Library, language: Language) -> String {
-    let read = |file: &str| Some(ob1_stl::Source::new(file, files::read(Path::new(file), files::LONGEST).ok()?));
+    let read =
+        |file: &str| Some(ob1_stl::Source::new(file, ob1_files::read(Path::new(file), ob1_files::LONGEST).ok()?));
     let all = ob1_stl::CrossReference::new(program, library);
     source_view::text(&source_view::view(&all, library, &read, language.wanted()), program)
 }

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
-use ob1_model::{Command, Event, OperatingState, StateChange};
+use ob1_access::LastStop;
+use ob1_model::{Command, Event, OperatingState};
 
 use crate::exit::Exit;
 use crate::remote::{ask, recorder, status, timing};
@@ -213,35 +214,16 @@ pub(crate) fn why_stopped(station: &str, after: u64) -> Option<String> {
 }
 
 fn stop_of(entries: &[Diagnostic], after: u64) -> Option<String> {
-    let stop = last_stop(entries).filter(|stop| !stop.over && stop.number > after)?;
-    let remedy = if stop.told.remedy.is_empty() { String::new() } else { format!("\n  = {}", stop.told.remedy) };
-    Some(format!("STOP: {}{remedy}", stop.told.told()))
+    let LastStop { stop, cause, .. } = last_stop(entries).filter(|last| !last.over && last.stop.number > after)?;
+    let told = cause.unwrap_or(stop);
+    let remedy = if told.remedy.is_empty() { String::new() } else { format!("\n  = {}", told.remedy) };
+    Some(format!("STOP: {}{remedy}", told.told()))
 }
 
-/// The newest STOP of a diagnostic buffer.
-pub(crate) struct LastStop<'e> {
-    /// The number of its entry.
-    number: u64,
-    /// The entry that tells why: the fault right before it, or the STOP itself.
-    pub(crate) told: &'e Diagnostic,
-    /// Whether the state has changed since.
-    pub(crate) over: bool,
-}
-
-/// Finds it among `entries`, newest first.
-pub(crate) fn last_stop(entries: &[Diagnostic]) -> Option<LastStop<'_>> {
-    let change = |entry: &Diagnostic| {
-        let number = entry.event.trim_end_matches('h');
-        u16::from_str_radix(number, 16).ok().and_then(|number| Event(number).state_change())
-    };
-    let is_stop = |entry: &&Diagnostic| matches!(change(entry), Some(StateChange::Stop | StateChange::Fault));
-    let stop = entries.iter().find(is_stop)?;
-    // Newest first: an entry behind the STOP says that it is over.
-    let over = entries.iter().take_while(|entry| entry.number > stop.number).any(|entry| change(entry).is_some());
-    // The fault stands right before the STOP that it leads to.
-    let cause = entries.iter().find(|entry| entry.number + 1 == stop.number);
-    let cause = cause.filter(|entry| change(stop) == Some(StateChange::Fault) && change(entry).is_none());
-    Some(LastStop { number: stop.number, told: cause.unwrap_or(stop), over })
+/// The newest STOP among `entries`, newest first.
+pub(crate) fn last_stop(entries: &[Diagnostic]) -> Option<LastStop<'_, Diagnostic>> {
+    let event = |entry: &Diagnostic| u16::from_str_radix(entry.event.trim_end_matches('h'), 16).unwrap_or_default();
+    ob1_access::last_stop(entries, |entry| (entry.number, Event(event(entry))))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use clap::Args;
+use ob1_model::BlockId;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::Op;
 use ob1_station::access::why::{Inside, TermStatus, WhyStatus, WhyWanted};
@@ -197,7 +198,7 @@ fn text(why: &WhyStatus, depth: usize) -> String {
 }
 
 fn is_block(operand: &str) -> bool {
-    ob1_station::block_name::parse_block(operand).is_some()
+    BlockId::parse(operand).is_some()
 }
 
 #[cfg(test)]

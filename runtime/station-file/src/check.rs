@@ -17,7 +17,6 @@ use crate::EngineChoice;
 use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
 use crate::sources::{Mnemonics, Sources};
-use ob1_access::block_name::parse_block;
 
 /// The station, and warnings about it.
 pub(super) fn check(
@@ -208,7 +207,7 @@ pub fn standard(
 fn fixed_numbers(f: &mut Findings<'_>, table: &BTreeMap<Placed<String>, Placed<String>>) -> Vec<(String, BlockId)> {
     let mut fixed = Vec::with_capacity(table.len());
     for (name, number) in table {
-        match parse_block(number.get_ref()) {
+        match BlockId::parse(number.get_ref()) {
             Some(id) => fixed.push((name.get_ref().clone(), id)),
             None => {
                 let message = format!("\"{}\" is not a block", number.get_ref());
@@ -261,7 +260,7 @@ fn same_kind(f: &mut Findings<'_>, at: &Placed<String>, (from, to): (BlockId, Bl
 }
 
 fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
-    let id = parse_block(text.get_ref()).filter(|id| id.kind != BlockKind::Db);
+    let id = BlockId::parse(text.get_ref()).filter(|id| id.kind != BlockKind::Db);
     if id.is_none() {
         let message = format!("\"{}\" is not a block", text.get_ref());
         f.error(VALUE, text.span(), message, "a kind and a number: \"FC 0\", \"FB 60\"");

@@ -21,7 +21,6 @@ use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
 use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
 use super::values::{name, number, time};
-use crate::files;
 use crate::finding::nearest;
 
 const MS: Span = Span::MILLISECOND;
@@ -323,7 +322,7 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
         return None;
     };
     let path = folder.join(file.get_ref());
-    let bytes = match files::read(&path, files::LONGEST) {
+    let bytes = match ob1_files::read(&path, ob1_files::LONGEST) {
         Ok(bytes) => bytes,
         Err(error) => {
             let message = format!("the GSD file {} cannot be read: {error}", path.display());

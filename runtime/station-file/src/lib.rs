@@ -16,7 +16,6 @@ mod dp_master;
 mod duration;
 mod elsewhere;
 mod engine;
-pub mod files;
 pub mod finding;
 pub mod findings;
 mod gpio;
@@ -116,7 +115,7 @@ fn read(path: &Path) -> Result<String, Vec<Finding>> {
             remedy,
         )]);
     }
-    files::read_text(path).map_err(|error| {
+    ob1_files::read_text(path).map_err(|error| {
         let remedy = match error.kind() {
             ErrorKind::NotFound => "name an existing station file, such as examples/two-stations/station-a.toml",
             ErrorKind::InvalidData => "a station file is UTF-8 text",

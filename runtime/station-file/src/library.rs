@@ -8,7 +8,6 @@ use ob1_std::{Origin, StandardBlock, standard_block, standard_blocks};
 
 use crate::finding::{Finding, Level, nearest};
 use crate::findings::TWICE;
-use ob1_access::block_name::parse_block;
 
 /// A standard block under the number a program has for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,7 +26,7 @@ impl Choice {
     /// # Errors
     /// What is wrong, in one sentence.
     pub fn new(number: &str, key: &str) -> Result<Self, String> {
-        let id = parse_block(number).ok_or_else(|| format!("\"{number}\" is not a block; write FC 4 or FB 41"))?;
+        let id = BlockId::parse(number).ok_or_else(|| format!("\"{number}\" is not a block; write FC 4 or FB 41"))?;
         let block = standard_block(key).ok_or_else(|| unknown(key))?;
         if block.origin == Origin::System {
             return Err(format!("{} is part of the CPU and has its number already", block.key()));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_access::Right;
 use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
-use ob1_model::BlockKind;
+use ob1_model::{BlockId, BlockKind};
 use ob1_time::Span;
 
 use super::duration::parse_duration;
@@ -14,7 +14,6 @@ use super::findings::{CONTRADICTION, Findings, VALUE};
 use super::tables::{Placed, RetentiveTable, StationTable};
 use super::types::{LinkKind, StationLink};
 use crate::finding::Spot;
-use ob1_access::block_name::parse_block;
 
 /// Where and how often retentive memory is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,7 +148,7 @@ fn data(f: &mut Findings<'_>, text: &Placed<String>) -> Option<DataRange> {
         Some((block, bytes)) => (block, Some(range(bytes))),
         None => (text.get_ref().as_str(), None),
     };
-    let db = parse_block(block).filter(|id| id.kind == BlockKind::Db && id.number > 0);
+    let db = BlockId::parse(block).filter(|id| id.kind == BlockKind::Db && id.number > 0);
     match (db, bytes) {
         (Some(db), None) => Some(DataRange { db: db.number, bytes: None }),
         (Some(db), Some(Some(bytes))) => Some(DataRange { db: db.number, bytes: Some(bytes) }),

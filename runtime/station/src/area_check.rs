@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ob1_ir::{BitTest, Number, Op, Operand, Place, Program};
+use ob1_ir::{Number, Numbered, Op, Operand, Place, Program};
 use ob1_model::{Area, Width};
 
 use ob1_station_file::Station;
@@ -39,17 +39,10 @@ type Beyond = (String, String, String);
 fn number(op: &Op, station: &Station) -> Option<Beyond> {
     let &Number::Fixed(number) = op.number()? else { return None };
     let cpu = &station.cpu;
-    let (letter, key, there) = match op {
-        Op::OpenDb(..) => return None,
-        Op::Scan { test: BitTest::Counter(_), .. }
-        | Op::LoadCounter(_)
-        | Op::LoadCounterBcd(_)
-        | Op::CountUp(_)
-        | Op::CountDown(_)
-        | Op::SetCounter(_)
-        | Op::ResetCounter(_)
-        | Op::EnableCounter(_) => ("Z", "counters", cpu.counters),
-        _ => ("T", "timers", cpu.timers),
+    let (letter, key, there) = match op.numbered()? {
+        Numbered::Timer => ("T", "timers", cpu.timers),
+        Numbered::Counter => ("Z", "counters", cpu.counters),
+        Numbered::DataBlock => return None,
     };
     let has = format!("{letter} 0 to {letter} {}", there.saturating_sub(1));
     let remedy = format!("use one of them, or `{key} = {}` in [cpu]", u32::from(number) + 1);

@@ -13,7 +13,6 @@ use ob1_stl::{CrossReference, Library};
 use parking_lot::RwLock;
 
 use crate::access::protocol::Download;
-use ob1_station_file::files;
 
 /// The language of a block as its head has it. [the list of block types of S7 communication]
 const STL: u8 = 1;
@@ -119,7 +118,7 @@ impl KnownProgram {
 }
 
 fn folded(bytes: &[u8]) -> u32 {
-    let sum = files::checksum(bytes.iter().copied());
+    let sum = ob1_files::checksum(bytes.iter().copied());
     (sum >> 32) as u32 ^ sum as u32
 }
 

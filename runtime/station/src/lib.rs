@@ -1,5 +1,4 @@
-//! What a running station is: the station file, the build of a station from it, the run, what it keeps
-//! and what it tells.
+//! What a running station is: its build from the station file, the run, what it keeps and what it tells.
 //!
 //! The tools that look at one (`runtime/ob1`), a service, a link and the simulation hold a station through this crate.
 
@@ -12,7 +11,6 @@ pub mod out;
 pub mod access;
 mod area_check;
 pub mod assembly;
-pub use ob1_access::block_name;
 pub mod bus_view;
 pub mod compiling;
 pub mod download;

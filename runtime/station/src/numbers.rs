@@ -5,12 +5,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_stl::Numbered;
-
-use crate::block_name::parse_block;
-use ob1_station_file::files;
+use ob1_model::BlockId;
 use ob1_station_file::finding::{Finding, Level, Text};
 use ob1_station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
+use ob1_stl::Numbered;
 
 /// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is
 /// none: the file was made or changed by hand.
@@ -19,7 +17,7 @@ const SUM: &str = "# checksum ";
 const NAMED: usize = 20;
 
 fn sum_of(text: &str) -> String {
-    format!("{:016x}", files::checksum(text.bytes()))
+    format!("{:016x}", ob1_files::checksum(text.bytes()))
 }
 
 /// Reads a file of numbers; none when there is no file.
@@ -28,7 +26,7 @@ fn sum_of(text: &str) -> String {
 /// The file cannot be read, or a line of it has no meaning.
 pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     let name = path.display().to_string();
-    let text = match files::read_text(path) {
+    let text = match ob1_files::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => {
@@ -60,7 +58,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     let mut numbers = Vec::with_capacity(table.len());
     let mut wrong = Vec::new();
     for (name, number) in table {
-        match parse_block(number.get_ref()) {
+        match BlockId::parse(number.get_ref()) {
             Some(id) => numbers.push(Numbered { name, id }),
             None => {
                 let message = format!("\"{}\" is not a block", number.get_ref());
@@ -88,7 +86,7 @@ pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Optio
         let _ = writeln!(text, "{} = \"{}\"", toml::Value::from(name), one.id);
     }
     let text = format!("{SUM}{}\n{text}", sum_of(&text));
-    files::replace(path, text.as_bytes()).err().map(|error| {
+    ob1_files::replace(path, text.as_bytes()).err().map(|error| {
         let message = format!("the numbers of blocks cannot be kept: {error}");
         let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
         Finding::whole(Level::Warning, NOT_KEPT, &path.display().to_string(), message, remedy)

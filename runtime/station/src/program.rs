@@ -23,9 +23,9 @@ use crate::{area_check, drivers, handling_check, missing_blocks, numbers, retent
 use ob1_station_file::finding::{Finding, Level, Spot};
 use ob1_station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use ob1_station_file::library::{self, Choice};
+use ob1_station_file::program_files;
 use ob1_station_file::sources::Sources;
 use ob1_station_file::{self, Station};
-use ob1_station_file::{files, program_files};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -475,7 +475,7 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
     let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
-        match files::read(path, files::LONGEST) {
+        match ob1_files::read(path, ob1_files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 let place = places.iter().find(|(named, _)| named == path);

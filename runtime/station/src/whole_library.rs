@@ -6,8 +6,6 @@ use std::fs::File;
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 
-use ob1_station_file::files;
-
 /// Bytes of the head of an ELF file with 64 bits.
 const HEAD: usize = 64;
 /// Bytes of an entry of its table of segments.
@@ -18,8 +16,8 @@ const LOADED: u32 = 1;
 /// Why the library cannot be whole; `None`: nothing speaks against it. What is no library of this machine is left to
 /// the loader, which says so.
 pub(crate) fn cut_off(path: &Path) -> Option<String> {
-    if files::is_fifo(path) {
-        return Some(files::NO_FILE.to_owned());
+    if ob1_files::is_fifo(path) {
+        return Some(ob1_files::NO_FILE.to_owned());
     }
     let file = File::open(path).ok()?;
     let length = file.metadata().ok().filter(std::fs::Metadata::is_file)?.len();

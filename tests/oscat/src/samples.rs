@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_ir::{Program, Symbol};
 use ob1_model::BlockId;
-use ob1_project::{
-    Archive, Choice, CodePage, Notes, OK_FLAG, Project, Tree, Wanted, block_id, has_ok, heads, translate,
-};
+use ob1_project::{Archive, Choice, CodePage, Notes, OK_FLAG, Project, Tree, Wanted, has_ok, heads, translate};
 use ob1_std::standard_blocks;
 use ob1_stl::{Library, Mnemonics, Source, read_symbols};
 
@@ -129,7 +127,7 @@ fn program(tree: &Tree<'_>, project: &Project, choice: Choice, name: &str) -> Op
             // A list of sources to compile.
             continue;
         };
-        let id = if *word == "TYPE" { None } else { block_id(first) };
+        let id = if *word == "TYPE" { None } else { BlockId::parse(first) };
         let option = if id.is_some_and(|id| has_ok(&translation.program, id)) { OK_FLAG } else { "" };
         let source = Source::new(format!("{}.scl", text.name), format!("{option}{}", text.text).as_bytes());
         if let Some(at) = ids.iter().find_map(|(_, id)| taken.get(id)) {

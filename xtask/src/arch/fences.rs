@@ -128,6 +128,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("", ALL),
     // It maps files created by others, through rustix.
     ("backplane/segment", &[Clock, Threads, Locks, Disk, Net, Hash]),
+    ("base/files", NONE),
     ("base/log", NONE),
     ("base/process", NONE),
     // A listener removes what an earlier process has left at its path.

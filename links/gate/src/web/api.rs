@@ -9,8 +9,8 @@ use std::time::Duration;
 use hyper::StatusCode;
 use hyper::body::Bytes;
 use hyper::header::{HeaderMap, HeaderValue, SET_COOKIE};
-use ob1_access::Right;
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document};
+use ob1_access::{Right, last_stop};
 use ob1_gate_core::{Client, LoginError, Source, Trouble, Who};
 use ob1_model::{Event, StateChange};
 use rustix::fs::OFlags;
@@ -276,17 +276,13 @@ pub(super) fn entry(entry: &Diagnosis) -> Value {
     })
 }
 
-/// The newest STOP of these entries (newest first), its cause, and whether the station has run since.
+/// The newest STOP of these entries (newest first), its cause, and whether it is over.
 fn why(entries: &[Diagnosis]) -> Value {
     let since = entries.iter().find(|entry| change(entry).is_some()).map(|entry| wall(&entry.wall));
-    let stopped = |found: &&Diagnosis| matches!(change(found), Some("stop" | "fault"));
-    let Some(stop) = entries.iter().find(stopped) else {
+    let Some(last) = last_stop(entries, |entry| (entry.number, Event(entry.event))) else {
         return json!({ "since": since, "stop": null, "cause": null, "over": true });
     };
-    let before = entries.iter().find(|other| other.number + 1 == stop.number);
-    let cause = before.filter(|other| change(stop) == Some("fault") && change(other).is_none());
-    let over = entries.iter().any(|other| other.number > stop.number && change(other) == Some("run"));
-    json!({ "since": since, "stop": entry(stop), "cause": cause.map(entry), "over": over })
+    json!({ "since": since, "stop": entry(last.stop), "cause": last.cause.map(entry), "over": last.over })
 }
 
 #[cfg(test)]

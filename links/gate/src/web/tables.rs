@@ -1,9 +1,8 @@
 //! Variable tables kept with the station: every browser sees the same, as the variable tables of a project.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::PathBuf;
 
 use hyper::StatusCode;
 use hyper::body::Bytes;
@@ -40,12 +39,11 @@ pub(super) struct Tables(pub(super) Option<PathBuf>);
 impl Tables {
     pub(super) fn all(&self) -> io::Result<All> {
         let Some(path) = &self.0 else { return Ok(All::new()) };
-        let mut text = String::new();
-        match File::open(path) {
+        let bytes = match ob1_files::read(path, FILE) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(All::new()),
-            file => file?.take(FILE).read_to_string(&mut text)?,
+            bytes => bytes?,
         };
-        serde_json::from_str(&text).map_err(io::Error::other)
+        serde_json::from_slice(&bytes).map_err(io::Error::other)
     }
 
     /// Keeps one table, or takes it away.
@@ -69,24 +67,10 @@ impl Tables {
         if all.len() > TABLES {
             return Err(format!("there are {TABLES} tables: delete one first"));
         }
-        replace(path, json!(all).to_string().as_bytes()).map_err(|why| format!("{}: {why}", path.display()))?;
+        ob1_files::replace(path, json!(all).to_string().as_bytes())
+            .map_err(|why| format!("{}: {why}", path.display()))?;
         Ok(all)
     }
-}
-
-/// Written under another name first: a crash or a full disk leaves the old file or the new one.
-fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
-    let new = path.with_extension("new");
-    let _ = fs::remove_file(&new);
-    let written = File::create_new(&new).and_then(|mut file| {
-        file.write_all(content)?;
-        file.sync_all()?;
-        fs::rename(&new, path)
-    });
-    if written.is_err() {
-        let _ = fs::remove_file(&new);
-    }
-    written
 }
 
 impl Page {
@@ -102,6 +86,12 @@ impl Page {
         let Some(kept) = body::<Kept>(None, bytes) else { return wrong() };
         let what = format!("table \"{}\"", kept.name.trim());
         let outcome = if kept.lines.trim().is_empty() { "deleted" } else { "kept" };
+        // What cannot be logged is not done.
+        if self.users.is_some()
+            && let Err(error) = self.station.audit().ready()
+        {
+            return trouble(&Trouble::Audit(error.to_string()));
+        }
         let all = match self.tables.keep(kept) {
             Ok(all) => all,
             Err(why) => return plain(StatusCode::UNPROCESSABLE_ENTITY, why),
@@ -140,8 +130,8 @@ mod tests {
         }
         assert!(tables.keep(kept("one more", "MW10")).expect_err("full").contains("delete one first"));
         assert_eq!(tables.keep(kept("pumps", "")).expect("gone").len(), TABLES - 1);
-        fs::write(&path, "not ours").expect("written");
+        std::fs::write(&path, "not ours").expect("written");
         assert!(tables.keep(kept("a", "MW10")).is_err());
-        assert_eq!(fs::read_to_string(&path).expect("there"), "not ours");
+        assert_eq!(std::fs::read_to_string(&path).expect("there"), "not ours");
     }
 }

@@ -58,7 +58,7 @@ pub struct DiffArgs {
 }
 
 fn block(text: &str) -> Result<ob1_model::BlockId, String> {
-    ob1_station::block_name::parse_block(text).ok_or_else(|| format!("\"{text}\" is not a block; write FC5 or DB 10"))
+    BlockId::parse(text).ok_or_else(|| format!("\"{text}\" is not a block; write FC5 or DB 10"))
 }
 
 /// Compares; prints what there is to print.

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use ob1_cpu::Cpu;
-use ob1_station_file::files;
 
 /// What a dump is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +66,7 @@ impl Dump {
     /// Writes the file. A data block the program has deleted gives an error.
     pub(super) fn write(&self, cpu: &Cpu) -> Result<(), String> {
         let bytes = self.bytes(cpu).map_err(|text| format!("--dump {text}"))?;
-        files::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
+        ob1_files::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
     }
 }
 

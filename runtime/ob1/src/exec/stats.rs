@@ -5,7 +5,6 @@ use std::path::Path;
 use std::time;
 
 use ob1_cpu::Cpu;
-use ob1_station_file::files;
 use ob1_time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
@@ -45,7 +44,7 @@ impl Stats {
     pub(super) fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        files::write(path, text.as_bytes())
+        ob1_files::write(path, text.as_bytes())
     }
 }
 

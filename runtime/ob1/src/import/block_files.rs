@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
 use ob1_station::program;
-use ob1_station_file::{files, program_files};
+use ob1_station_file::program_files;
 
 /// Where the blocks lie as they came from the CPU.
 pub(super) const UPLOADED: &str = "uploaded";
@@ -65,7 +65,7 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 
 /// A file may hold several blocks, one after another.
 fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let bytes = files::read(path, files::LONGEST).map_err(|error| format!("{}: {error}", path.display()))?;
+    let bytes = ob1_files::read(path, ob1_files::LONGEST).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut rest = bytes.as_slice();
     while !rest.is_empty() {
         let (block, length) = BlockImage::read(rest).map_err(|why| format!("{}: {why}", path.display()))?;

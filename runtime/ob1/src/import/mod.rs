@@ -412,7 +412,7 @@ fn listing(
     let (name, file, id, is_protected) = match udt_number(wanted) {
         Some(number) => (format!("UDT {number}"), format!("UDT_{number}.awl"), None, false),
         None => {
-            let id = ob1_station::block_name::parse_block(wanted)
+            let id = BlockId::parse(wanted)
                 .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5, DB 10 or UDT 1"))?;
             let is_protected = folder.blocks.get(&id).is_some_and(|block| block.know_how);
             (id.to_string(), format!("{}_{}.awl", id.kind.name(), id.number), Some(id), is_protected)

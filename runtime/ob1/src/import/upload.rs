@@ -10,7 +10,6 @@ use ob1_model::BlockId;
 use ob1_project::{CodePage, Folder, Note, Notes, SymbolRow};
 use ob1_s7::client::jobs::Device;
 use ob1_s7::wire::BlockType;
-use ob1_station::block_name::parse_block;
 use ob1_stl::{Library, Mnemonics};
 
 use super::block_files::{Blocks, UPLOADED, collect};
@@ -155,10 +154,10 @@ fn old_names(
     let here = |id: BlockId| names.taken.iter().find(|(_, old)| **old == id).map(|(here, _)| *here);
     rows.retain_mut(|row| {
         // A block that the project numbers otherwise, or that is another one here.
-        if let Some(here) = parse_block(&row.ty).and_then(here) {
+        if let Some(here) = BlockId::parse(&row.ty).and_then(here) {
             row.ty = here.to_string();
         }
-        let Some(id) = parse_block(&row.international) else { return true };
+        let Some(id) = BlockId::parse(&row.international) else { return true };
         match here(id) {
             Some(here) if here != id => (row.german, row.international) = (here.to_string(), here.to_string()),
             Some(_) => {}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ob1_ir::{Arg, BitTest, Number, Op, Place, Program, Width};
+use ob1_ir::{Arg, Number, Numbered, Op, Place, Program, Width};
 use ob1_model::Area as Memory;
 use ob1_project::Area;
 
@@ -44,23 +44,11 @@ impl Used {
         op.numbers(&mut |number| {
             let Number::Fixed(n) = number else { return };
             let above = u32::from(*n) + 1;
-            match op {
-                Op::Scan { test: BitTest::Timer(_), .. }
-                | Op::LoadTimer(_)
-                | Op::LoadTimerBcd(_)
-                | Op::StartTimer(..)
-                | Op::ResetTimer(_)
-                | Op::EnableTimer(_) => self.timers = self.timers.max(above),
-                Op::Scan { test: BitTest::Counter(_), .. }
-                | Op::LoadCounter(_)
-                | Op::LoadCounterBcd(_)
-                | Op::CountUp(_)
-                | Op::CountDown(_)
-                | Op::SetCounter(_)
-                | Op::ResetCounter(_)
-                | Op::EnableCounter(_) => self.counters = self.counters.max(above),
+            match op.numbered() {
+                Some(Numbered::Timer) => self.timers = self.timers.max(above),
+                Some(Numbered::Counter) => self.counters = self.counters.max(above),
                 // A number handed over: a timer, a counter or a block, whose parameter says which.
-                Op::Call(_) if above <= 512 => {
+                None if is_call && above <= 512 => {
                     self.timers = self.timers.max(above);
                     self.counters = self.counters.max(above);
                 }

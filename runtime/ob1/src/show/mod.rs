@@ -13,7 +13,6 @@ use ob1_ladder::tree::Tree;
 use ob1_ladder::{Form, NamesShown, Network, Options, Reason, View, draw, line, read, text};
 use ob1_model::{BlockId, Interface};
 use ob1_project::Language as Made;
-use ob1_station::block_name::parse_block;
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Listing, Printer};
 use serde_json::json;
@@ -185,7 +184,7 @@ impl Shown {
     /// The code block of this name.
     pub(crate) fn block(&self, wanted: &str) -> Result<&CodeBlock, String> {
         let blocks = &self.side.program.blocks;
-        let id = parse_block(wanted);
+        let id = BlockId::parse(wanted);
         let is_it = |block: &&CodeBlock| {
             Some(block.id) == id || block.name.as_ref().is_some_and(|name| name.eq_ignore_ascii_case(wanted))
         };

@@ -8,7 +8,6 @@ use super::load::LoadReport;
 use super::verdict::{Ended, Finding, Verdict};
 use crate::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
-use ob1_station_file::files;
 use ob1_timing::snapshot::{Spread, Timing};
 
 /// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
@@ -229,7 +228,7 @@ impl Report {
     /// # Errors
     /// What is wrong with the file, in one sentence.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let text = files::read_text(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let text = ob1_files::read_text(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let report: Self = serde_json::from_str(&text)
             .map_err(|e| format!("{} is not a report of `ob1 soak`: {e}", path.display()))?;
         if report.schema != SOAK_SCHEMA {

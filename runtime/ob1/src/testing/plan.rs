@@ -7,7 +7,6 @@ use ob1_cpu::{Command, OperatingState};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
-use ob1_station::block_name::parse_block;
 use ob1_station_file::finding::{Finding, Text};
 use ob1_station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
 use ob1_station_file::sources::{Mnemonics, Sources};
@@ -148,7 +147,7 @@ fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
         f.error(CONTRADICTION, name.span(), "`with` belongs to a test of one block", "add `call`, or use `set`");
     }
     let call = table.call.and_then(|call| {
-        let block = parse_block(call.get_ref()).filter(|id| !matches!(id.kind, BlockKind::Ob | BlockKind::Db));
+        let block = BlockId::parse(call.get_ref()).filter(|id| !matches!(id.kind, BlockKind::Ob | BlockKind::Db));
         if block.is_none() {
             let message = format!("\"{}\" is not a block that can be called", call.get_ref());
             f.error(VALUE, call.span(), message, "a kind and a number: \"FC 9\", \"FB 41\"");

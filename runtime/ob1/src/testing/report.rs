@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
-use ob1_station_file::files;
 use ob1_station_file::finding::Finding;
 
 /// One test that was run.
@@ -70,7 +69,7 @@ impl FileReport {
 /// # Errors
 /// The file cannot be written; what the system says.
 pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
-    files::write(path, junit(reports).as_bytes())
+    ob1_files::write(path, junit(reports).as_bytes())
 }
 
 fn junit(reports: &[FileReport]) -> String {

@@ -15,7 +15,6 @@ use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
 use ob1_station::program::{self, Loaded};
-use ob1_station_file::files;
 use ob1_station_file::finding::{Finding, Level, Text};
 use ob1_station_file::findings::{CALL, Findings, UNREADABLE, VALUE};
 use ob1_station_file::sources::Sources;
@@ -29,7 +28,7 @@ const GENERATED: &str = "(the call under test)";
 pub fn run_file(path: &Path, filter: &str) -> FileReport {
     let file = path.display().to_string();
     let refused = |refused| FileReport { file: file.clone(), refused, outcomes: Vec::new() };
-    let text = match files::read_text(path) {
+    let text = match ob1_files::read_text(path) {
         Ok(text) => text,
         Err(error) => {
             let message = format!("the test file cannot be read: {error}");

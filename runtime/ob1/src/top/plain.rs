@@ -18,9 +18,9 @@ const NEWEST: usize = 3;
 pub(super) fn head(data: &Data) -> String {
     let (s, t) = (&data.now.status, &data.now.timing);
     let rate = data.scan_rate().map_or_else(String::new, |rate| format!(" ({rate:.0}/s)"));
-    let since = time(s.runtime_ns as f64);
+    let up = time(s.runtime_ns as f64);
     format!(
-        "{}  {}  process {}  {since}  memory {} KiB  engine {}\nscans {}{rate}  late {}  overruns {}  missed {}  watchdog {}",
+        "{}  {}  process {}  {up}  memory {} KiB  engine {}\nscans {}{rate}  late {}  overruns {}  missed {}  watchdog {}",
         s.station,
         s.state,
         s.pid,
@@ -41,11 +41,11 @@ pub(super) fn first(data: &Data) -> String {
     let mut out = String::new();
     match last_stop(entries) {
         None => out.push_str("no STOP in the diagnostic buffer\n"),
-        Some(stop) => {
-            let when = if stop.over { "last STOP" } else { "STOP" };
-            let _ = writeln!(out, "{when}: {}  {}", diag::date(stop.told.unix_ns), stop.told.told());
-            if !stop.told.remedy.is_empty() {
-                let _ = writeln!(out, "  = {}", stop.told.remedy);
+        Some(last) => {
+            let (when, told) = (if last.over { "last STOP" } else { "STOP" }, last.cause.unwrap_or(last.stop));
+            let _ = writeln!(out, "{when}: {}  {}", diag::date(told.unix_ns), told.told());
+            if !told.remedy.is_empty() {
+                let _ = writeln!(out, "  = {}", told.remedy);
             }
         }
     }

@@ -17,7 +17,6 @@ use ob1_time::Span;
 use crate::exit::Exit;
 use ob1_station::access::client::AccessError;
 use ob1_station::out;
-use ob1_station_file::files;
 
 pub use pcapng::Pcapng;
 pub use print::Printer;
@@ -189,7 +188,7 @@ fn run(args: &TraceArgs) -> Result<(), TraceError> {
         return Err(TraceError::Twice(path.clone()));
     }
     let read_whole =
-        |path: &PathBuf| files::read(path, LONGEST).map_err(|error| TraceError::File { path: path.clone(), error });
+        |path: &PathBuf| ob1_files::read(path, LONGEST).map_err(|error| TraceError::File { path: path.clone(), error });
     // Before a file is begun.
     let recording = args.from.as_ref().map(|path| read_whole(path).map(|bytes| (path, bytes))).transpose()?;
     let mut sinks = Sinks::open(args)?;

@@ -382,6 +382,19 @@ fn a_program_without_ob_1_is_told() {
     assert!(said(&output).contains("L021: the program has no OB 1"), "{output:?}");
 }
 
+/// A statement that would be an error at run time, because `[cpu]` gives no such timer.
+#[test]
+fn a_timer_that_the_cpu_does_not_have_is_told() {
+    let bench = Bench::new();
+    let text = "ORGANIZATION_BLOCK OB 1\nBEGIN\n  U M 0.0;\n  L S5T#2S;\n  SE T 256;\nEND_ORGANIZATION_BLOCK\n";
+    for (number, is_told) in [("T 255", false), ("T 256", true)] {
+        bench.write("bench.awl", &text.replace("T 256", number));
+        let output = bench.ob1(&["check", "bench.toml"]);
+        assert_eq!(said(&output).contains("L031: the CPU has no T 256"), is_told, "{output:?}");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+    }
+}
+
 #[test]
 fn an_empty_variable_counts_as_not_set() {
     let bench = Bench::new();

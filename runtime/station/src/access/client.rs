@@ -10,7 +10,6 @@ use serde_json::Value;
 use super::protocol::{Op, Request, Response};
 use crate::exit::Exit;
 use crate::rundir;
-use ob1_station_file::files;
 
 /// How long a station may take to answer. Its socket thread answers even if the CPU hangs; this is for a process that
 /// was stopped.
@@ -143,7 +142,7 @@ fn name_of(station: &str) -> Result<String, AccessError> {
 }
 
 fn name_in(path: &Path) -> Result<String, String> {
-    let text = files::read_text(path).map_err(|error| format!("the station file cannot be read: {error}"))?;
+    let text = ob1_files::read_text(path).map_err(|error| format!("the station file cannot be read: {error}"))?;
     let table = text.parse::<toml::Table>().ok();
     let name = table.and_then(|table| Some(table.get("station")?.get("name")?.as_str()?.to_owned()));
     name.ok_or_else(|| "this is not a station file: it has no name in [station]".to_owned())

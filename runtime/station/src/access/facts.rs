@@ -28,7 +28,6 @@ use crate::source_view::{self, SourceView};
 use crate::view::StationView;
 use crate::wall_clock::unix_now;
 use ob1_station_file::Station;
-use ob1_station_file::files;
 
 /// What the broker asks of the station; see [the module](self).
 pub(crate) struct StationFacts {
@@ -86,7 +85,7 @@ impl Code {
                 (image.code.clone(), same.then_some(decoded.offsets)?)
             }
         };
-        let (checksum, statements) = (files::checksum(code.iter().copied()), block.code.len() as u32 + 1);
+        let (checksum, statements) = (ob1_files::checksum(code.iter().copied()), block.code.len() as u32 + 1);
         let addresses = addresses(&code, &offsets);
         Some(Self { id, known, checksum, statements, addresses })
     }

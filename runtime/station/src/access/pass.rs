@@ -4,16 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
+use crate::known::KnownProgram;
 use ob1_access::why::{find_block, place_of};
 use ob1_ir::CodeBlock;
 use ob1_model::{BlockId, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_stl::print::{Listing, Printer};
 use ob1_stl::{Mnemonics, Source};
 use serde::{Deserialize, Serialize};
-
-use crate::block_name::parse_block;
-use crate::known::KnownProgram;
-use ob1_station_file::files;
 
 /// Which pass is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -119,7 +116,7 @@ impl From<&PassLine> for Registers {
 
 pub(super) fn named(known: &KnownProgram, text: &str) -> Result<BlockId, String> {
     let by_name = || known.blocks.iter().find(|fact| !fact.name.is_empty() && fact.name.eq_ignore_ascii_case(text));
-    let id = parse_block(text).or_else(|| by_name().map(|fact| fact.id));
+    let id = BlockId::parse(text).or_else(|| by_name().map(|fact| fact.id));
     let id = id.ok_or_else(|| {
         format!("\"{text}\" is no block\n  = write OB 1, FC 5 or FB 20, or the name of a block of the program")
     })?;
@@ -236,7 +233,7 @@ pub(super) fn source(file: &str, started: u64) -> Option<Source> {
     if modified.as_nanos() > u128::from(started) {
         return None;
     }
-    Some(Source::new(file, files::read(path, files::LONGEST).ok()?))
+    Some(Source::new(file, ob1_files::read(path, ob1_files::LONGEST).ok()?))
 }
 
 /// The line of some statements, by their indices in order.

@@ -10,7 +10,6 @@ use std::path::Path;
 use ob1_model::{BlockId, BlockKind};
 
 use super::changes::Changes;
-use ob1_station_file::files;
 
 const MAGIC: [u8; 8] = *b"ob1 load";
 const VERSION: u8 = 1;
@@ -28,7 +27,7 @@ pub fn read(path: &Path) -> Result<Changes, String> {
     if !about.is_file() {
         return Err("it is not a file of downloads".into());
     }
-    decode(&files::read(path, files::LONGEST).map_err(|error| error.to_string())?)
+    decode(&ob1_files::read(path, ob1_files::LONGEST).map_err(|error| error.to_string())?)
 }
 
 /// Writes the file: under another name, synced, renamed. Without changes there is no file.
@@ -40,11 +39,11 @@ pub fn write(path: &Path, changes: &Changes) -> io::Result<()> {
         fs::create_dir_all(folder)?;
     }
     if !changes.is_empty() {
-        return files::replace(path, &encode(changes));
+        return ob1_files::replace(path, &encode(changes));
     }
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => files::sync_folder_of(path),
+        _ => ob1_files::sync_folder_of(path),
     }
 }
 
@@ -98,7 +97,7 @@ fn decode(bytes: &[u8]) -> Result<Changes, String> {
 }
 
 fn checksum(body: &[u8]) -> u64 {
-    files::checksum(body.iter().copied())
+    ob1_files::checksum(body.iter().copied())
 }
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 
 use super::loader::Order;
 use crate::access::protocol::Download;
-use ob1_station_file::files;
 
 /// What is to be loaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -52,7 +51,7 @@ impl LoadStatus {
     /// What changes where `next` follows `now`.
     pub(super) fn new(now: &Program, next: &Program, lost: Vec<String>, texts: Option<&Library>) -> Self {
         let text = ob1_ir::write(next);
-        let fingerprint = format!("{:016x}", files::checksum(text.bytes()));
+        let fingerprint = format!("{:016x}", ob1_files::checksum(text.bytes()));
         let change = |(block, what): (BlockId, &str)| Download { block: block.to_string(), what: what.to_owned() };
         let texts = texts.map(|library| [ob1_ir::write(now), text, ob1_ir::write(&declared(library))]);
         Self {

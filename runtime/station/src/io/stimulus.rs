@@ -14,7 +14,6 @@ use toml::Spanned;
 use super::panel;
 use ob1_access::Names;
 use ob1_access::value;
-use ob1_station_file::files;
 use ob1_station_file::finding::{Finding, Level, Spot, Text};
 use ob1_station_file::findings::{STIMULUS, unreadable};
 use ob1_station_file::{ModuleConfig, parse_duration};
@@ -61,7 +60,7 @@ impl Stimulus {
     /// # Errors
     /// All findings: an unreadable file, or every mistake in it.
     pub fn load(path: &Path, place: &Spot) -> Result<Self, Vec<Finding>> {
-        match files::read_text(path) {
+        match ob1_files::read_text(path) {
             Ok(text) => Self::parse(&text, &path.display().to_string()),
             Err(error) => Err(vec![unreadable(place, path, &error)]),
         }
@@ -121,7 +120,7 @@ impl Stimulus {
     #[must_use]
     pub fn unread(path: &Path, modules: &[ModuleConfig]) -> Vec<Finding> {
         let (name, inputs) = (path.display().to_string(), panel::inputs(modules));
-        let text = files::read_text(path).unwrap_or_default();
+        let text = ob1_files::read_text(path).unwrap_or_default();
         let source = Text { file: &name, text: &text };
         let Ok(file) = toml::from_str::<File>(&text) else { return Vec::new() };
         let mut found = Vec::new();

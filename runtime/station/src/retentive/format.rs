@@ -5,8 +5,6 @@
 
 use bincode::config::{Config, standard};
 
-use ob1_station_file::files;
-
 const MAGIC: [u8; 8] = *b"ob1 file";
 const VERSION: u32 = 1;
 const HEAD: usize = 8 + 4 + 8 + 8;
@@ -99,7 +97,7 @@ pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
 
 /// Over the version and the content.
 fn checksum(body: &[u8]) -> u64 {
-    files::checksum(VERSION.to_le_bytes().into_iter().chain(body.iter().copied()))
+    ob1_files::checksum(VERSION.to_le_bytes().into_iter().chain(body.iter().copied()))
 }
 
 #[cfg(test)]

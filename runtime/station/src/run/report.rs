@@ -8,7 +8,6 @@ use serde::Serialize;
 
 use crate::access::protocol::{Diagnostic, Status, Times};
 use crate::exit::Exit;
-use ob1_station_file::files;
 use ob1_timing::{self, Timing};
 
 /// Version of the report's form: raised when a field changes its meaning or goes.
@@ -105,7 +104,7 @@ impl Report {
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        files::write(path, text.as_bytes())
+        ob1_files::write(path, text.as_bytes())
     }
 
     /// The summary, as printed at the end of a run.

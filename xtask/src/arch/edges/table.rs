@@ -125,6 +125,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-gate",
         "invariant 2",
         &[
+            "ob1-files",
             "ob1-access",
             "ob1-gate-core",
             "ob1-gate-mqtt",
@@ -203,6 +204,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-station-file",
         "invariant 2",
         &[
+            "ob1-files",
             "ob1-access",
             "ob1-backplane",
             // Couplers, and GSD files of slaves.
@@ -234,6 +236,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-station",
         "invariant 2",
         &[
+            "ob1-files",
             "ob1-model",
             "ob1-ir",
             "ob1-scl",
@@ -276,6 +279,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1",
         "invariant 2",
         &[
+            "ob1-files",
             "ob1-station",
             "ob1-station-file",
             "ob1-timing",
@@ -351,6 +355,7 @@ pub(super) const TABLE: &[Row] = &[
     // The printer prints S7 values: needs the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
     row("ob1-line", "invariant 4", &["ob1-serial", "ob1-socket", "rustix", "serialport", "thiserror"]),
+    row("ob1-files", "invariant 4", &[]),
     row("ob1-socket", "invariant 4", &["rustix"]),
     row(
         "ob1-process",
