@@ -13,6 +13,9 @@ impl Parser<'_> {
 
     /// The input of a box.
     pub(super) fn argument(&mut self) -> Parsed<Node> {
+        if self.at_branch(self.at) && self.mode == Mode::Step7 {
+            return self.wrong("an input that begins at a branch");
+        }
         let start = self.here();
         let logic = self.logic()?;
         self.as_argument(logic, start)
@@ -90,10 +93,11 @@ impl Parser<'_> {
         }
     }
 
-    /// `= b; U b`: a connector, not the end of the string.
+    /// `= b; U b`: a connector, not the end of the string; if the input of a call begins there, a coil.
     fn connects(&self, place: ob1_ir::Place) -> bool {
         let same = Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(place) };
-        !self.network.is_hidden(&place) && self.op(1) == Some(&same) && self.op(2) != Some(&Op::Build(102))
+        let goes_on = self.op(1) == Some(&same) && self.op(2) != Some(&Op::Build(102));
+        goes_on && !self.network.is_hidden(&place) && (self.in_input || self.input_ahead(self.at + 1).is_none())
     }
 
     fn leg_ahead(&self) -> bool {

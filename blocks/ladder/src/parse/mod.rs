@@ -32,7 +32,8 @@ pub(crate) type Parsed<T> = Result<T, Reason>;
 
 /// The statements of a network as a tree.
 pub(crate) fn parse(network: &Network, mode: Mode) -> Parsed<Tree> {
-    let mut parser = Parser { network, mode, at: 0, depth: 0, inputs: Vec::new(), ends: BTreeMap::new() };
+    let mut parser =
+        Parser { network, mode, at: 0, depth: 0, inputs: Vec::new(), in_input: false, ends: BTreeMap::new() };
     let rungs = parser.rungs()?;
     parser.jumps_stay()?;
     let mut tree = Tree { rungs, nodes: 0, as_step7: mode == Mode::Step7 };
@@ -47,6 +48,8 @@ pub(crate) struct Parser<'n> {
     depth: u32,
     /// Those whose call has not come yet.
     inputs: Vec<(Input, u32)>,
+    /// The string of such an input is being read.
+    in_input: bool,
     /// Jumps of the network's own boxes, by the operation they lead to.
     ends: BTreeMap<u32, u32>,
 }
@@ -167,7 +170,10 @@ impl<'n> Parser<'n> {
         while self.input_ahead(self.at).is_some() {
             let start = self.here();
             let input = self.deeper(|parser| {
-                let logic = parser.argument()?;
+                let outer = std::mem::replace(&mut parser.in_input, true);
+                let logic = parser.argument();
+                parser.in_input = outer;
+                let logic = logic?;
                 let Some(Op::Assign(carried)) = parser.op(0) else { return parser.wrong("no `=` before BLD 103") };
                 parser.at += 1;
                 parser.expect(&Op::Build(103), "no BLD 103")?;
@@ -179,8 +185,11 @@ impl<'n> Parser<'n> {
     }
 
     /// Behind the `BLD 103` of an input that begins here: what ends its string is the `=` before it.
-    fn input_ahead(&self, at: usize) -> Option<usize> {
+    pub(super) fn input_ahead(&self, at: usize) -> Option<usize> {
         let rest = self.network.statements.get(at..)?;
+        if self.at_branch(at) {
+            return None;
+        }
         let (mut depth, mut found) = (0u32, None);
         for (ahead, statement) in rest.iter().enumerate() {
             match &statement.op {
@@ -193,7 +202,7 @@ impl<'n> Parser<'n> {
                     if behind == Some(&Op::Build(103)) && self.network.is_hidden(place) {
                         found = Some(at + ahead + 2);
                     }
-                    if found.is_some() || !connects {
+                    if found.is_some() || !connects || self.network.is_hidden(place) {
                         return found;
                     }
                 }
@@ -208,6 +217,13 @@ impl<'n> Parser<'n> {
             }
         }
         found
+    }
+
+    /// The string here begins at the bit of a branch: it is an arm. An input of a box begins at the rail.
+    pub(super) fn at_branch(&self, at: usize) -> bool {
+        let rest = self.network.statements.get(at..).unwrap_or_default();
+        let first = rest.iter().find(|statement| !matches!(statement.op, Op::Open { .. }));
+        matches!(first.map(|s| &s.op), Some(Op::Scan { test: ob1_ir::BitTest::Bit(bit), .. }) if self.network.is_hidden(bit))
     }
 
     /// No jump leads into the network but to its first statement, and those of its own boxes.
