@@ -1,5 +1,6 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
 import { clock, dialog, download, fill, h, local, redraw, svg, table, tell } from "./kit.js";
+import { place, stopOf } from "./stop.js";
 import { ask, may, state, want } from "./session.js";
 import { reason as reasonText, say, told } from "./words.js";
 
@@ -11,48 +12,14 @@ function duration(ns) {
   return `${days > 0 ? `${days} d ` : ""}${hours} h ${minutes} min ${seconds % 60} s`;
 }
 
-const hex = (number, digits = 8) => number.toString(16).toUpperCase().padStart(digits, "0");
-
-/** In what the program was interrupted: who has called whom, and the registers. */
-function stack({ blocks, accus, addresses, local }) {
-  const name = (of) => `${of.block}${of.name ? ` ${of.name}` : ""}, ${say("network")} ${of.network}`;
-  const way = blocks.map((of, at) => h("li", {}, at > 0 ? `${say("calledBy")} ` : "", h("code", {}, name(of)),
-    of.source ? ` (${of.source}:${of.line})` : ""));
-  const [{ db, di }] = blocks;
-  const registers = [...accus.map((value, at) => `ACCU${at + 1} ${hex(value)}`),
-    ...addresses.map((value, at) => `AR${at + 1} ${hex(value)}`), `DB ${db}`, `DI ${di}`];
-  return h("details", {}, h("summary", {}, `${say("stack")}: ${name(blocks[0])}`), h("ol", {}, ...way),
-    h("p", {}, h("code", {}, registers.join(", "))),
-    local ? h("p", {}, `${say("localData")}: `, h("code", {}, local)) : null);
-}
-
 const words = { RUN: "running", STOP: "stopped", STARTUP: "starting", HOLD: "held" };
-
-/** A place in the source, with a way to it. */
-function place({ place, block, line }) {
-  return block ? h("a", { href: `#program?block=${encodeURIComponent(block)}&line=${line}` }, h("code", {}, place)) : h("code", {}, place);
-}
 
 /** Why the machine stands: in words, first of all. */
 function reason(card, now, why) {
   const since = why?.since ? h("span", { class: "quiet since" }, ` ${say("sinceThen", local(why.since))}`) : "";
-  const lines = [h("h2", {}, say(words[now] ?? "loading"), since)];
-  if (why?.stop) {
-    const entry = why.cause ?? why.stop;
-    const stands = now === "STOP" && !why.over;
-    lines.push(h("p", { class: "quiet" }, `${say(stands ? "stoppedBy" : "lastStop")} ${local(entry.wall)}`));
-    lines.push(h("p", {}, h("strong", {}, why.stop.change === "stop" ? `${say("orderly")} ` : "", told(entry.text))));
-    if (entry.place) lines.push(h("p", {}, `${say("place")}: `, place(entry)));
-    const because = entry.because || why.stop.because;
-    if (because) lines.push(h("p", {}, `${say("because")}: ${because}`));
-    const remedy = told(entry.remedy || why.stop.remedy);
-    if (remedy) lines.push(h("p", { class: "remedy" }, `${say("remedy")}: ${remedy}`));
-    if (why.stack && now !== "RUN") lines.push(stack(why.stack));
-  } else if (why) {
-    lines.push(h("p", { class: "quiet" }, say("noStop")));
-  }
+  const lines = why ? stopOf(why, now) : [];
   card.className = `card ${(now ?? "").toLowerCase()}`;
-  card.replaceChildren(...lines);
+  card.replaceChildren(h("h2", {}, say(words[now] ?? "loading"), since), ...lines);
 }
 
 const colours = { SF: "red", BF: "red", ERR: "red", STOP: "yellow", RUN: "green", TXD: "green", RXD: "green", PW: "green" };

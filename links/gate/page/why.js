@@ -1,6 +1,7 @@
 // Why is it off? The statement that gave a bit its value, and which scans decide it; one level deeper by tap.
 import { byId, fill, h } from "./kit.js";
 import { ask, state } from "./session.js";
+import { stopOf } from "./stop.js";
 import { say } from "./words.js";
 
 const isBlock = (name) => /^(OB|FB|FC|SFB|SFC)\s*\d+$/i.test(name);
@@ -74,9 +75,9 @@ export function why(name) {
     title.textContent = isBlock(now.name) ? say("whyBlock", now.name) : say("whyAsk", now.name);
     const query = new URLSearchParams({ name: now.name, ...(now.db ? { db: now.db } : {}), ...(now.from ? { from: now.from } : {}) });
     const stands = state.status?.state;
-    if (stands === "STOP" || stands === "HOLD") {
-      return body.replaceChildren(h("p", {}, say("why_stands")));
-    }
+    if (stands === "HOLD") return body.replaceChildren(h("p", {}, say("why_stands")));
+    // Then the cause of the STOP is the answer.
+    if (stands === "STOP") return fill(body, () => ask("why"), (last) => [h("p", {}, say("why_stands")), ...stopOf(last, stands)]);
     return fill(body, () => ask(`reason?${query}`), (told) => {
       if (!isBlock(now.name) && told.outcome) title.textContent = say(told.now ? "whyOn" : "whyOff", told.operand);
       return answer(told, (next) => { asked.push(next); look(); });

@@ -103,7 +103,8 @@ impl Asking<'_> {
         let station = &self.args.station;
         match state.as_str() {
             "STOP" => Err(AccessError::Refused(format!(
-                "{station} is in STOP: no program runs, and outputs are in their safe state\n  = ob1 diag {station} says why"
+                "{station} is in STOP: no program runs, and outputs are in their safe state\n{}",
+                crate::ctl::why_stopped(station, 0).unwrap_or_else(|| format!("  = ob1 diag {station} says why"))
             ))),
             "HOLD" => Err(AccessError::Refused(format!(
                 "{station} is in HOLD: somebody has stopped its program at a breakpoint, and outputs are in their safe state"

@@ -375,8 +375,10 @@ fn a_driver_that_is_killed_is_seen_to_come_back() {
     browser.go(&format!("http://127.0.0.1:{port}/#telegrams"));
     browser.until("document.querySelector('#telegrams')?.innerText.includes('STX: connection request')");
     browser.until("/block, [0-9]+ bytes, BCC/.test(document.querySelector('#telegrams').innerText)");
+    browser.keep(&site, "web-telegrams");
     browser.click("nav a[href='#station']");
     browser.until("document.querySelectorAll('.rack .module').length === 2");
+    browser.keep(&site, "web-station");
     // The number of restarts is shown, even if it returns at once.
     let told = "document.querySelectorAll('.rack .module')[1].innerText";
     assert_eq!(browser.run(&format!("return {told}.includes('restarted')")), false);
@@ -409,6 +411,8 @@ fn soak_reports_are_shown() {
     assert!(shown.contains("browser-soak") && shown.contains("Verdict"), "{shown}");
     assert!(shown.contains("Execution") && shown.contains("From cycle to cycle"), "its histograms\n{shown}");
     assert_eq!(browser.run("return document.documentElement.scrollWidth <= innerWidth"), true);
+    browser.run("document.querySelector('#report').scrollIntoView()");
+    browser.keep(&site, "web-reports");
     browser.click("main li:nth-child(2) button");
     browser.until("document.querySelector('#said').innerText !== ''");
 }

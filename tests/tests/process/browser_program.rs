@@ -139,6 +139,13 @@ fn a_tap_tells_why() {
     browser.until("document.querySelector('#dialog-title')?.innerText === 'Warum ist A 4.2 \"Lamp\" aus?'");
     browser.until("document.querySelectorAll('li.decides').length > 0");
     assert_eq!(browser.run("return document.documentElement.scrollWidth <= innerWidth"), true);
+    // In STOP its cause is the answer.
+    browser.run("document.querySelector('dialog').close()");
+    assert_eq!(site.ob1(&["ctl", "station.toml", "stop"]).code, Some(0));
+    browser.until("document.querySelector('#mode').innerText === 'STOP'");
+    browser.run("[...document.querySelectorAll('.operand')].find((one) => one.innerText === '\"Lamp\"').click()");
+    browser.until(&format!("{answer}?.includes('kein Programm') && {answer}.includes('STOP durch Bedienung')"));
+    browser.keep(&site, "web-why-stop");
 }
 
 /// What is forced is marked at its channel.
@@ -316,6 +323,9 @@ fn pictures_of_the_program() {
     show(&wide, port, "OB 1");
     wide.until(&format!("{} === 'on'", state(3, "E 0.2")));
     keep(&wide, "web-ladder");
+    wide.click("#view-stl");
+    wide.until("document.querySelector('.operand')");
+    keep(&wide, "web-source");
     let phone = Browser::open(360);
     phone.go(&format!("http://127.0.0.1:{port}/#io"));
     phone.until("document.querySelectorAll('.channel').length > 10");

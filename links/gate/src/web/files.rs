@@ -25,7 +25,7 @@ macro_rules! script {
     };
 }
 
-static FILES: [File; 16] = [
+static FILES: [File; 17] = [
     File { path: "/", kind: "text/html; charset=utf-8", text: include_str!("../../page/index.html") },
     File { path: "/style.css", kind: "text/css; charset=utf-8", text: include_str!("../../page/style.css") },
     File { path: "/icon.svg", kind: "image/svg+xml", text: include_str!("../../page/icon.svg") },
@@ -38,6 +38,7 @@ static FILES: [File; 16] = [
     script!("german.js"),
     script!("views.js"),
     script!("table.js"),
+    script!("stop.js"),
     script!("trend.js"),
     script!("program.js"),
     script!("why.js"),

@@ -68,6 +68,9 @@ fn the_contact_that_keeps_an_output_off_is_named() {
     let text = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.code() == Some(3) && text.contains("STOP: 253Ah") && text.contains("FC 3"), "{run:?}");
     assert!(said(&bench, &["ctl", "bench", "status"]).contains("STOP: 253Ah"));
+    // In STOP its cause is why everything is off.
+    let why = said(&bench, &["why", "bench", "Motor"]);
+    assert!(why.contains("bench is in STOP") && why.contains("STOP: 253Ah") && why.contains("FC 3"), "{why}");
 }
 
 #[test]
