@@ -7,7 +7,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod confine;
-pub mod fence;
+pub mod from_runtime;
 pub mod tap;
 mod user;
 

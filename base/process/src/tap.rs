@@ -29,12 +29,12 @@ pub struct Tap {
     socket: Option<Listener>,
     /// Nobody is admitted before this time.
     deaf_until: Instant,
-    listeners: Vec<Ear>,
+    listeners: Vec<Client>,
     hello: Vec<u8>,
 }
 
 #[derive(Debug)]
-struct Ear {
+struct Client {
     channel: Channel,
     lost: u64,
 }
@@ -66,8 +66,8 @@ impl Tap {
         about["unix_ns"] = at_zero.into();
         self.hello = Record::head(now, Kind::Hello).to_vec();
         self.hello.extend(about.to_string().into_bytes());
-        for ear in &mut self.listeners {
-            ear.tell(now, &self.hello);
+        for client in &mut self.listeners {
+            client.tell(now, &self.hello);
         }
     }
 
@@ -90,9 +90,9 @@ impl Tap {
                 }
             };
             if self.listeners.len() < MOST {
-                let mut ear = Ear { channel, lost: 0 };
-                ear.tell(now, &self.hello);
-                self.listeners.push(ear);
+                let mut client = Client { channel, lost: 0 };
+                client.tell(now, &self.hello);
+                self.listeners.push(client);
             }
         }
     }
@@ -136,12 +136,12 @@ impl Tap {
             message.extend(Record::head(now, kind));
             message.extend(origin);
             message.extend(part);
-            self.listeners.retain_mut(|ear| ear.tell(now, &message));
+            self.listeners.retain_mut(|client| client.tell(now, &message));
         }
     }
 }
 
-impl Ear {
+impl Client {
     /// False when it is gone.
     fn tell(&mut self, now: Instant, message: &[u8]) -> bool {
         match self.try_tell(now, message) {

@@ -229,6 +229,23 @@ pub enum MathFn {
 }
 
 impl MathFn {
+    /// Its mnemonic, the same in both sets, and the name of its box.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sqr => "SQR",
+            Self::Sqrt => "SQRT",
+            Self::Ln => "LN",
+            Self::Exp => "EXP",
+            Self::Sin => "SIN",
+            Self::Cos => "COS",
+            Self::Tan => "TAN",
+            Self::Asin => "ASIN",
+            Self::Acos => "ACOS",
+            Self::Atan => "ATAN",
+        }
+    }
+
     /// Every function, each once.
     pub const ALL: [Self; 10] = [
         Self::Sqr,

@@ -10,8 +10,8 @@ use ob1_model::{Area, BitAddr, Interface, Section, TimerKind, Width};
 use crate::layout_text::{components, type_text};
 use crate::{
     AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind,
-    DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit,
-    Target, WordLogic,
+    DbRegister, Jump, Logic, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit, Target,
+    WordLogic,
 };
 
 /// The letter of a width, `X B W D`.
@@ -199,21 +199,6 @@ pub(crate) const fn convert(convert: Convert) -> &'static str {
     }
 }
 
-pub(crate) const fn math(function: MathFn) -> &'static str {
-    match function {
-        MathFn::Sqr => "SQR",
-        MathFn::Sqrt => "SQRT",
-        MathFn::Ln => "LN",
-        MathFn::Exp => "EXP",
-        MathFn::Sin => "SIN",
-        MathFn::Cos => "COS",
-        MathFn::Tan => "TAN",
-        MathFn::Asin => "ASIN",
-        MathFn::Acos => "ACOS",
-        MathFn::Atan => "ATAN",
-    }
-}
-
 pub(crate) const fn jump(jump: Jump) -> &'static str {
     match jump {
         Jump::Always => "SPA",
@@ -292,7 +277,7 @@ impl Display for Op {
             Op::RotateLeftCc1 => f.write_str("RLDA"),
             Op::RotateRightCc1 => f.write_str("RRDA"),
             Op::Convert(c) => f.write_str(convert(*c)),
-            Op::Math(m) => f.write_str(math(*m)),
+            Op::Math(m) => f.write_str(m.name()),
             Op::ExchangeAccus => f.write_str("TAK"),
             Op::Push => f.write_str("PUSH"),
             Op::Pop => f.write_str("POP"),

@@ -12,19 +12,6 @@ use crate::syntax::{Arg, Expr, Operator};
 use crate::tree::{Check, Kind, Shifted, Typed, Unsigned};
 use crate::types::{self, BLOCK_DB, BOOL, DINT, DWORD, INT, REAL, WORD, is_bits, is_number, is_whole, rank, short};
 
-const MATH: [(&str, MathFn); 10] = [
-    ("SQR", MathFn::Sqr),
-    ("SQRT", MathFn::Sqrt),
-    ("LN", MathFn::Ln),
-    ("EXP", MathFn::Exp),
-    ("SIN", MathFn::Sin),
-    ("COS", MathFn::Cos),
-    ("TAN", MathFn::Tan),
-    ("ASIN", MathFn::Asin),
-    ("ACOS", MathFn::Acos),
-    ("ATAN", MathFn::Atan),
-];
-
 /// LN(10), as Siemens' compiler divides by it.
 const LN_10: f32 = std::f32::consts::LN_10;
 
@@ -44,7 +31,7 @@ fn is_result(plain: &str, ty: &DataType) -> bool {
 /// Whether a standard function has this name.
 pub(crate) fn is_standard(name: &str) -> bool {
     let is = |known: &str| known.eq_ignore_ascii_case(name);
-    MATH.iter().any(|(known, _)| is(known)) || NAMES.iter().any(|known| is(known))
+    MathFn::ALL.iter().any(|known| is(known.name())) || NAMES.iter().any(|known| is(known))
 }
 
 impl<'c> Checker<'c> {
@@ -71,7 +58,7 @@ impl<'c> Checker<'c> {
         let shown: String = name.chars().take(64).collect();
         let key = format!("{shown}(");
         let symbols = self.world.symbols.keys().map(String::as_str);
-        let known = MATH.iter().map(|(name, _)| *name).chain(NAMES);
+        let known = MathFn::ALL.map(MathFn::name).into_iter().chain(NAMES);
         self.sink.missing(&key, self.block.file, at, &codes::UNKNOWN_NAME, |sink| {
             let message = format!("{shown} is called, and no block or function has this name");
             let near = sink.nearest(name, known.chain(symbols)).map(|near| format!("Did you mean {near}?"));
@@ -95,8 +82,8 @@ impl<'c> Checker<'c> {
             _ => (name, None),
         };
         let result = match plain {
-            _ if MATH.iter().any(|(n, _)| *n == plain) => {
-                let function = MATH.iter().find(|(n, _)| *n == plain)?.1;
+            _ if MathFn::ALL.iter().any(|known| known.name() == plain) => {
+                let function = MathFn::ALL.into_iter().find(|known| known.name() == plain)?;
                 let [value] = self.values(plain, ["IN"], args, span)?;
                 self.math(function, value)
             }
@@ -524,7 +511,7 @@ impl<'c> Checker<'c> {
     }
 }
 
-/// Functions besides those of [`MATH`] and the conversions.
+/// Functions besides those of [`MathFn`] and the conversions.
 const NAMES: [&str; 23] = [
     "LOG",
     "EXPD",

@@ -64,7 +64,7 @@ mod recognise;
 mod source;
 mod source_lines;
 mod supplied;
-mod symbol_rows;
+mod symbol_formats;
 mod symbol_table;
 mod symbols;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]

@@ -15,7 +15,7 @@ use crate::codes::Severity;
 use crate::diagnostic::{Diagnostic, Sink};
 use crate::parse_types::simple_type;
 use crate::source::Source;
-use crate::symbol_rows::{self, Row};
+use crate::symbol_formats::{self, Row};
 use crate::symbols;
 use crate::words::Words;
 use crate::world::Symbolic;
@@ -145,10 +145,10 @@ fn form(name: &str, text: &str, sink: &mut Sink) -> Option<TableForm> {
 
 fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut Sink) -> Vec<Symbol> {
     let rows = match form {
-        TableForm::Sdf => symbol_rows::sdf(text, sink),
-        TableForm::Asc => symbol_rows::asc(text, sink),
-        TableForm::Seq => symbol_rows::seq(text, sink),
-        TableForm::Dif => symbol_rows::dif(text, sink),
+        TableForm::Sdf => symbol_formats::sdf(text, sink),
+        TableForm::Asc => symbol_formats::asc(text, sink),
+        TableForm::Seq => symbol_formats::seq(text, sink),
+        TableForm::Dif => symbol_formats::dif(text, sink),
     };
     let words = Words::of_both();
     let mut symbols = Vec::with_capacity(rows.len());

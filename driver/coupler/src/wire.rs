@@ -163,9 +163,9 @@ impl Rtu {
     }
 
     fn step(&mut self, now: Instant, input: Input<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
-        let mut ear = Ear { out, answer: None, sent: None };
-        self.deadline = self.master.step(now, input, &mut ear);
-        match (ear.sent?, ear.answer) {
+        let mut output = MasterOutput { out, answer: None, sent: None };
+        self.deadline = self.master.step(now, input, &mut output);
+        match (output.sent?, output.answer) {
             (Ok(()), Some(answer)) => Some(Outcome::Answer(answer)),
             _ => Some(Outcome::Failed),
         }
@@ -173,19 +173,19 @@ impl Rtu {
 }
 
 /// Collects the output of the serial master.
-struct Ear<'a> {
+struct MasterOutput<'a> {
     out: &'a mut Vec<u8>,
     answer: Option<Vec<u8>>,
     sent: Option<Result<(), SendError>>,
 }
 
-impl LineEnd for Ear<'_> {
+impl LineEnd for MasterOutput<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.out.extend_from_slice(bytes);
     }
 }
 
-impl Sink for Ear<'_> {
+impl Sink for MasterOutput<'_> {
     fn room(&self) -> usize {
         TELEGRAM_BYTES
     }

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use ob1_backplane::{CpSide, Segment};
-use ob1_process::fence;
+use ob1_process::from_runtime;
 use tracing::{error, info};
 
 use process::{Ended, Process};
@@ -72,16 +72,16 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> ExitCode {
     // Before anything is opened, and before there is a thread.
-    let fenced = fence::raise();
+    let fenced = from_runtime::confine();
     ob1_process::start_log();
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("cp", name = arguments.name).entered();
 
-    if !fence::tell(&fenced) {
+    if !from_runtime::tell(&fenced) {
         return ExitCode::from(2);
     }
     if arguments.self_test {
-        return ExitCode::from(u8::from(!fence::self_test()));
+        return ExitCode::from(u8::from(!from_runtime::self_test()));
     }
 
     let terminate = ob1_process::signals();

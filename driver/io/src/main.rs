@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use ob1_backplane::{BusMemory, BusSize, CpSide, Segment, SegmentError};
 use ob1_coupler::BusConfig;
-use ob1_process::fence;
+use ob1_process::from_runtime;
 use tracing::{error, info};
 
 use process::Process;
@@ -68,7 +68,7 @@ fn parse(text: &str) -> Result<BusConfig, String> {
 
 fn main() -> ExitCode {
     // Before anything is opened, and before there is a thread.
-    let fenced = fence::raise();
+    let fenced = from_runtime::confine();
     let exit = run(&Arguments::parse(), &fenced);
     ob1_log::flush(ob1_log::LAST_WORDS);
     exit
@@ -78,7 +78,7 @@ fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, Strin
     ob1_process::start_log();
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("io", name = arguments.name).entered();
-    if !fence::tell(fenced) {
+    if !from_runtime::tell(fenced) {
         return ExitCode::from(2);
     }
     let bus = &arguments.bus;

@@ -34,7 +34,7 @@ mod rng;
 use crate::line::{Instant, LineFault, Span};
 pub use bus::{Bursts, BusConfig, BusEvent, Frame, Participant, SimBus};
 use direction::Direction;
-pub use faults::FaultRates;
+pub use ob1_serial::FaultRates;
 pub use rng::SplitMix64;
 
 /// One end of the line.

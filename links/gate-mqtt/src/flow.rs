@@ -9,11 +9,11 @@ pub(crate) const WINDOW: usize = 100;
 /// that does not, nothing is lost, because a record counts as arrived only when all before it have.
 #[derive(Debug, Default)]
 pub(crate) struct Flow {
-    window: VecDeque<Under>,
+    window: VecDeque<InFlight>,
 }
 
 #[derive(Debug)]
-struct Under {
+struct InFlight {
     /// Its packet identifier, once it is on the wire.
     packet: Option<u16>,
     arrived: bool,
@@ -24,7 +24,7 @@ struct Under {
 impl Flow {
     /// Records of the store in flight.
     pub(crate) fn stored(&self) -> usize {
-        self.window.iter().filter(|under| under.stored).count()
+        self.window.iter().filter(|publish| publish.stored).count()
     }
 
     /// Whether there is room for one more.
@@ -34,24 +34,25 @@ impl Flow {
 
     /// A publish has been requested.
     pub(crate) fn asked(&mut self, stored: bool) {
-        self.window.push_back(Under { packet: None, arrived: false, stored });
+        self.window.push_back(InFlight { packet: None, arrived: false, stored });
     }
 
     /// The next publish is on the wire.
     pub(crate) fn sent(&mut self, packet: u16) {
-        if let Some(under) = self.window.iter_mut().find(|under| under.packet.is_none()) {
-            under.packet = Some(packet);
+        if let Some(publish) = self.window.iter_mut().find(|publish| publish.packet.is_none()) {
+            publish.packet = Some(packet);
         }
     }
 
     /// A publish is acknowledged: returns how many records of the store have now arrived.
     pub(crate) fn acknowledged(&mut self, packet: u16) -> usize {
-        if let Some(under) = self.window.iter_mut().find(|under| under.packet == Some(packet) && !under.arrived) {
-            under.arrived = true;
+        if let Some(publish) = self.window.iter_mut().find(|publish| publish.packet == Some(packet) && !publish.arrived)
+        {
+            publish.arrived = true;
         }
         let mut arrived = 0;
-        while self.window.front().is_some_and(|under| under.arrived) {
-            arrived += usize::from(self.window.pop_front().is_some_and(|under| under.stored));
+        while self.window.front().is_some_and(|publish| publish.arrived) {
+            arrived += usize::from(self.window.pop_front().is_some_and(|publish| publish.stored));
         }
         arrived
     }

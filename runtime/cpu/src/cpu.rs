@@ -14,7 +14,7 @@ use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
     AccessClient, Accounts, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot, ModuleStatus,
-    OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width, Window,
+    OperatingState, ScanPosition, ScanRecord, ScanStatistics, ShortText, Sums, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -125,8 +125,8 @@ impl Cpu {
 
     /// Where the scan is, for other threads and for a signal handler.
     #[must_use]
-    pub fn whereabouts(&self) -> Arc<Whereabouts> {
-        Arc::clone(&self.machine.whereabouts)
+    pub fn position(&self) -> Arc<ScanPosition> {
+        Arc::clone(&self.machine.position)
     }
 
     /// Asks for a change of state; the next [`Cpu::cycle`] makes it.

@@ -10,8 +10,8 @@ use crate::engine::{Callee, Entry};
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
 use crate::native;
+use crate::scan_position::Packed;
 use crate::services::period_word;
-use crate::whereabouts::Packed;
 use crate::{Abort, Family, ObInfo};
 
 impl Context<'_> {
@@ -119,7 +119,7 @@ impl Context<'_> {
         let outer = std::mem::replace(&mut machine.ob, info);
         let active = machine.active;
         machine.active |= 1 << (info.number & 127);
-        machine.whereabouts.enter(info.number);
+        machine.position.enter(info.number);
         let caller = machine.native_caller.take();
         let depth = std::mem::take(&mut machine.hot.depth);
         let tops = (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top);
@@ -145,7 +145,7 @@ impl Context<'_> {
             }
         }
         (machine.ob, machine.active) = (outer, active);
-        machine.whereabouts.enter(outer.number);
+        machine.position.enter(outer.number);
         machine.native_caller = caller;
         machine.hot.depth = depth;
         (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top) = tops;

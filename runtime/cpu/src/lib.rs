@@ -40,6 +40,7 @@ mod points;
 mod ports;
 mod retentive;
 mod retentive_v1;
+mod scan_position;
 mod service_state;
 mod services;
 mod settings;
@@ -54,7 +55,6 @@ mod szl_record;
 mod timers;
 mod wall;
 mod watching;
-mod whereabouts;
 
 pub use access_port::{AccessClient, Answer, Ask, Request, Response};
 pub use accounts::{
@@ -86,12 +86,12 @@ pub use orders::{Group, LIST_BYTES, Listing, SUMS_AT, TooMuch};
 pub use points::PointJob;
 pub use ports::*;
 pub use retentive::Why;
+pub use scan_position::ScanPosition;
 pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};
 pub use successor::{Successor, Watches};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
 pub use watching::PassJob;
-pub use whereabouts::Whereabouts;
 
 use context::Context;
 use memory::Memory;

@@ -207,7 +207,7 @@ impl Cpu {
             stack,
             ob: ObInfo::default(),
             class_ob: 0,
-            whereabouts: Arc::default(),
+            position: Arc::default(),
             active: 0,
             aborted: false,
             diagnoses: Diagnoses::default(),

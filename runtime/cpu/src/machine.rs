@@ -16,13 +16,13 @@ use crate::keep::Keep;
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
 use crate::points::Points;
+use crate::scan_position::ScanPosition;
 use crate::service_state::ServiceState;
 use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::watching::Watching;
-use crate::whereabouts::Whereabouts;
 use crate::{Command, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
 
 /// Flags that other threads may set; the scan reads them at safe points.
@@ -108,7 +108,7 @@ pub(crate) struct Machine {
     /// Date and time at which the last start-up began.
     pub(crate) started: [u8; 8],
     /// Where the scan is, for others.
-    pub(crate) whereabouts: Arc<Whereabouts>,
+    pub(crate) position: Arc<ScanPosition>,
     /// Bit n: OB n has begun and not ended.
     pub(crate) active: u128,
     /// The running OB for a synchronous error is aborted, and the block it was called for continues.

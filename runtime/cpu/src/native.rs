@@ -7,8 +7,8 @@ use crate::arena::{ArenaBit, Range};
 use crate::context::Context;
 use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::natives::{Formal, Native};
+use crate::scan_position::Packed;
 use crate::timers::Counter;
-use crate::whereabouts::Packed;
 use crate::{
     Abort, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeContext, NativeError, ObInfo, Services,
     ShortText, TimerState,
@@ -19,7 +19,7 @@ use crate::{
 pub(crate) fn call(index: u32, site: Packed, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
     if native.is_plugin {
-        cx.machine.whereabouts.call(site);
+        cx.machine.position.call(site);
     }
     let br = match native.account {
         None => run(native, entry, cx)?,

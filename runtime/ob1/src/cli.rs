@@ -30,7 +30,7 @@ use crate::top::{self, TopArgs};
 use crate::trace::{self, TraceArgs};
 use crate::why::{self, WhyArgs};
 use crate::xref::{self, XrefArgs};
-use ob1_station::{compiling, guardian, janitor, out, run};
+use ob1_station::{compiling, guardian, out, run};
 use ob1_time::Span;
 
 const AFTER: &str = "\
@@ -110,7 +110,7 @@ enum Command {
     Soak(Box<SoakArgs>),
     /// Sets the outputs of a runtime that dies to their safe state, and cleans up after it; started by `run`.
     #[command(hide = true)]
-    Janitor {
+    Guardian {
         /// A runtime that is stopped counts as dead after this long.
         #[arg(long, default_value_t = 1000)]
         stopped_ms: u64,
@@ -251,9 +251,9 @@ impl Command {
             Command::Trace(args) => trace::trace(&args),
             Command::Top(args) => top::top(&args),
             Command::Soak(args) => return soak::soak(&args).into(),
-            Command::Janitor { stopped_ms, silent_ms, rundir, published } => {
+            Command::Guardian { stopped_ms, silent_ms, rundir, published } => {
                 let (stopped, silent) = (Span::from_millis(stopped_ms), Span::from_millis(silent_ms));
-                janitor::run(&rundir, &published, guardian::Patience { stopped, silent });
+                guardian::process::run(&rundir, &published, guardian::Patience { stopped, silent });
                 Exit::Ok
             }
             Command::CompileBlocks => match compiling::compile_blocks() {

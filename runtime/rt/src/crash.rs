@@ -174,7 +174,7 @@ extern "C" fn handler(signal: c_int, info: *mut libc::siginfo_t, context: *mut c
 
 /// Writes to standard error what can be written without waiting.
 fn say(text: &[u8]) {
-    if !crate::fence::is_up() {
+    if !crate::system_calls::is_up() {
         let mut ready = libc::pollfd { fd: libc::STDERR_FILENO, events: libc::POLLOUT, revents: 0 };
         // SAFETY: one pollfd, no waiting.
         if unsafe { libc::poll(&raw mut ready, 1, 0) } != 1 {

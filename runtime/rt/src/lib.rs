@@ -14,7 +14,6 @@ mod clock;
 mod continued;
 mod crash;
 mod exit;
-mod fence;
 mod file_limit;
 mod posture;
 mod remedy;
@@ -22,13 +21,13 @@ mod reservation;
 mod side_thread;
 mod stack;
 mod system;
+mod system_calls;
 mod usage;
 
 pub use clock::MonotonicClock;
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, end_at_signal, end_now, lower_exit_guard};
-pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use file_limit::survive_file_limit;
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
 pub use remedy::remedy;
@@ -38,4 +37,5 @@ pub use stack::{
     PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,
 };
 pub use system::{isolated_cores, keep_awake, system_facts};
+pub use system_calls::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use usage::{Memory, ProcessState, ThreadLook, ThreadTimes, memory, process_state, thread_id};

@@ -7,7 +7,9 @@ use ob1_time::Span;
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
 use super::tables::{Placed, RatesTable, SimulatedLineTable, StationFile};
-use super::types::{Bursts, DELAY_MAX, FaultRates, Partner, SimulatedLine};
+use ob1_serial::FaultRates;
+
+use super::types::{Bursts, DELAY_MAX, Partner, SimulatedLine};
 use super::values::{choice, name, number, time};
 use crate::finding::nearest;
 
@@ -46,7 +48,7 @@ fn line(f: &mut Findings<'_>, table: &SimulatedLineTable, folder: &Path) -> Simu
         half_duplex: choice(f, "duplex", table.duplex.as_ref(), &[("full", false), ("half", true)]).unwrap_or(false),
         shared: table.shared,
         seed: number(f, "seed", table.seed.as_ref(), 0..=i64::MAX, 1),
-        faults: faults.unwrap_or_default(),
+        faults: faults.unwrap_or(FaultRates::NONE),
         bursts: table.bursts.as_ref().map(|bursts| of_bursts(f, bursts)),
         partner: table.partner.as_ref().map_or(Partner::None, |partner| of_partner(f, partner, folder)),
     }
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_disturbed_line_has_so_many_faults_more_and_no_more_than_characters() {
-        let faults = FaultRates { flip: 100, ..FaultRates::default() };
+        let faults = FaultRates { flip: 100, ..FaultRates::NONE };
         let line = SimulatedLine {
             name: "x".into(),
             half_duplex: false,

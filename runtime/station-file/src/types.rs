@@ -7,6 +7,7 @@ use ob1_cpu::CpuConfig;
 use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
 use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
+use ob1_serial::FaultRates;
 use ob1_time::Span;
 
 use super::line::Line;
@@ -189,27 +190,6 @@ pub struct SimulatedLine {
     pub bursts: Option<Bursts>,
     /// Who else is on the line.
     pub partner: Partner,
-}
-
-/// Faults of a simulated line, in characters per million.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultRates {
-    /// One bit inverted, unnoticed.
-    pub flip: u32,
-    /// The character is lost.
-    pub lose: u32,
-    /// The character comes twice.
-    pub double: u32,
-    /// Comes later, by up to [`Self::delay_max`].
-    pub delay: u32,
-    /// The character comes with a parity error.
-    pub parity: u32,
-    /// The character comes with a framing error.
-    pub framing: u32,
-    /// A break comes in place of the character.
-    pub break_: u32,
-    /// Longest delay of a character that comes later.
-    pub delay_max: Span,
 }
 
 impl SimulatedLine {

@@ -25,7 +25,7 @@ pub const SOCKET: &str = "control.sock";
 pub const IO: &str = "io";
 const PID: &str = "pid";
 /// How often a directory is tried whose owner may vanish between two looks. With [`STEP`] in between, this is also how
-/// long a dead runtime and its janitor are waited for: 5 s.
+/// long a dead runtime and its guardian are waited for: 5 s.
 const ATTEMPTS: usize = 500;
 const STEP: Duration = Duration::from_millis(10);
 
@@ -156,14 +156,14 @@ impl RunDir {
             private_dir(&path)?;
             let Some(lock) = lock_of(&path)? else {
                 let pid = owner(&path);
-                // A runtime that was killed a moment ago, or its janitor at work.
+                // A runtime that was killed a moment ago, or its guardian at work.
                 if !lives(&pid) {
                     std::thread::sleep(STEP);
                     continue;
                 }
                 return Err(RunDirError::Running { name: name.to_owned(), pid, path });
             };
-            // A janitor may have removed the directory between our opening and our locking.
+            // A guardian may have removed the directory between our opening and our locking.
             if !still_there(&path, &lock) {
                 continue;
             }
@@ -257,7 +257,7 @@ fn private_dir(path: &Path) -> Result<(), RunDirError> {
         match is_ours(path) {
             Ok(true) => return Ok(()),
             Ok(false) => return Err(RunDirError::Foreign(path.to_owned())),
-            // The janitor of a runtime that was killed has removed it between the two looks.
+            // The guardian of a runtime that was killed has removed it between the two looks.
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             Err(source) => return Err(at(path)(source)),
         }
@@ -335,11 +335,11 @@ fn lives(pid: &str) -> bool {
     pid.is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
 }
 
-/// For the janitor: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it.
+/// For the guardian: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it.
 /// False if it has a living owner or its lock is not released.
 ///
-/// A dying process closes its files in no useful order: the janitor may know of its end before the lock is gone.
-pub(crate) fn bury(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {
+/// A dying process closes its files in no useful order: the guardian may know of its end before the lock is gone.
+pub(crate) fn remove_of_dead(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {
     for _ in 0..ATTEMPTS {
         if fs::symlink_metadata(dir).is_err() {
             work();
@@ -411,7 +411,7 @@ mod tests {
     fn a_living_station_is_not_buried() {
         let base = tempfile::tempdir().expect("a directory");
         let living = RunDir::claim_in(base.path(), "s").expect("free");
-        assert!(!bury(living.path(), "1", || panic!("it lives")));
+        assert!(!remove_of_dead(living.path(), "1", || panic!("it lives")));
         assert!(living.path().exists());
     }
 
@@ -420,14 +420,14 @@ mod tests {
         let base = tempfile::tempdir().expect("a directory");
         let dying = RunDir::claim_in(base.path(), "s").expect("free");
         let (path, pid) = (dying.path().to_owned(), std::process::id().to_string());
-        let janitor = std::thread::spawn({
+        let guardian = std::thread::spawn({
             let path = path.clone();
-            move || bury(&path, &pid, || ())
+            move || remove_of_dead(&path, &pid, || ())
         });
         // As at its death: the lock goes, the directory stays.
         let RunDir { lock, .. } = &dying;
         rustix::fs::flock(lock, FlockOperation::Unlock).expect("it is held");
-        assert!(janitor.join().expect("no panic"));
+        assert!(guardian.join().expect("no panic"));
         assert!(!path.exists());
     }
 
@@ -487,7 +487,7 @@ mod tests {
     }
 
     #[test]
-    fn who_claims_waits_for_the_janitor() {
+    fn who_claims_waits_for_the_guardian() {
         let base = tempfile::tempdir().expect("a directory");
         let dead = RunDir::claim_in(base.path(), "s").expect("free");
         dead.lock.set_len(0).expect("a file");

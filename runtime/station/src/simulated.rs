@@ -14,7 +14,7 @@ use ob1_host::supervisor::Times;
 use serde_json::{Value, json};
 
 use crate::drivers::DriverSettings;
-use ob1_station_file::{FaultRates, Partner, SimulatedLine};
+use ob1_station_file::{Partner, SimulatedLine};
 
 /// Folder of the shared lines, beside the stations' directories. No station can have this name.
 const SHARED: &str = ".lines";
@@ -73,7 +73,7 @@ fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
         Partner::Pty(path) => path.parent(),
         Partner::None | Partner::Echo => None,
     };
-    crate::fence::variable(socket.parent(), partner, None)
+    crate::confinement::variable(socket.parent(), partner, None)
 }
 
 /// The configuration of the process.
@@ -95,8 +95,8 @@ fn configuration(rundir: &Path, line: &SimulatedLine) -> Value {
     text
 }
 
-fn rates(faults: &FaultRates) -> Value {
-    let FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max } = *faults;
+fn rates(faults: &ob1_serial::FaultRates) -> Value {
+    let ob1_serial::FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max } = *faults;
     json!({
         "flip": flip, "lose": lose, "double": double, "delay": delay, "parity": parity, "framing": framing, "break": break_,
         "delay_max_ns": delay_max.nanos(),

@@ -7,7 +7,7 @@ use std::time::Instant;
 use ob1_cpu::engine::{Factory, PLAIN, Plan, REFERENCE};
 use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_native::{AtLoad, Compiler, Target, Tier};
-use ob1_station::compiling::Giver;
+use ob1_station::compiling::EngineSender;
 use ob1_stl::{Library, Options, Source};
 use ob1_time::Span;
 
@@ -163,16 +163,16 @@ fn first(compiler: &Compiler, plan: &Plan, all: f64) -> Result<Figure, Failure> 
 /// If the generated program is refused.
 pub fn take_over() -> Result<Figure, Failure> {
     let mut cpu = cpu(1000, &AtLoad(Tier::Fast))?;
-    let (mut giver, mut successors) = Giver::pair();
+    let (mut sender, mut successors) = EngineSender::pair();
     let mut times = Vec::with_capacity(CHANGES);
     for turn in 0..CHANGES {
         let next: &dyn Factory = if turn % 2 == 0 { PLAIN } else { REFERENCE };
         let engine = next.engine(cpu.plan())?;
-        giver.give(engine).map_err(|_| "the ring is full")?;
+        sender.give(engine).map_err(|_| "the ring is full")?;
         let began = Instant::now();
         let name = successors.take_over(&mut cpu);
         times.push(began.elapsed().as_nanos() as f64);
-        if name.is_none() || giver.take_back().is_none() {
+        if name.is_none() || sender.take_back().is_none() {
             return Err("no engine has taken over".into());
         }
     }

@@ -82,7 +82,7 @@ fn guardian(site: &Site, station: &Running) -> Watched {
     station.until("a guardian", |_| {
         site.processes().into_iter().find(|process| {
             let words = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
-            words.split(|byte| *byte == 0).any(|word| word == b"janitor")
+            words.split(|byte| *byte == 0).any(|word| word == b"guardian")
         })
     })
 }

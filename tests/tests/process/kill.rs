@@ -152,7 +152,7 @@ fn a_runtime_that_was_killed_is_killed_with_a_driver_that_hangs() {
     a.kill();
     let guard = Guard::begin();
     while rundir.exists() {
-        assert!(!guard.is_over(), "the janitor waits for ever");
+        assert!(!guard.is_over(), "the guardian waits for ever");
         driver.ends_within(std::time::Duration::from_millis(20));
     }
     driver.signal(Signal::CONT);

@@ -96,7 +96,7 @@ fn drivers_lines_and_guardian_have_the_least_that_they_need() {
         let pid = process.pid;
         let command = words(pid, "cmdline");
         let kind = match () {
-            () if command.iter().any(|word| word == "janitor") => "guardian",
+            () if command.iter().any(|word| word == "guardian") => "guardian",
             () if command.iter().any(|word| word == "--hub") => "line",
             () if command.iter().any(|word| word == "--segment") => "driver",
             () => continue,

@@ -1,6 +1,6 @@
 //! What STEP 7 writes in coils, boxes and at their pins.
 
-use ob1_ir::{AccuOp, Compare, Convert, Jump, MathFn, NumberFormat, Op, Shift, WordLogic};
+use ob1_ir::{AccuOp, Compare, Convert, Jump, NumberFormat, Op, Shift, WordLogic};
 use ob1_model::TimerKind;
 
 const fn letter(format: NumberFormat) -> &'static str {
@@ -50,7 +50,7 @@ pub(crate) fn operation(op: &Op) -> String {
         Op::DWordLogic(how, _) => format!("{}_DW", word_logic(*how)),
         Op::Shift(how, _) => shift(*how).to_owned(),
         Op::Convert(how) => convert(*how).to_owned(),
-        Op::Math(how) => math(*how).to_owned(),
+        Op::Math(how) => how.name().to_owned(),
         other => other.to_string(),
     }
 }
@@ -97,21 +97,6 @@ const fn convert(how: Convert) -> &'static str {
         // The ladder has no box for these two.
         Convert::Taw => "TAW",
         Convert::Tad => "TAD",
-    }
-}
-
-const fn math(how: MathFn) -> &'static str {
-    match how {
-        MathFn::Sqr => "SQR",
-        MathFn::Sqrt => "SQRT",
-        MathFn::Ln => "LN",
-        MathFn::Exp => "EXP",
-        MathFn::Sin => "SIN",
-        MathFn::Cos => "COS",
-        MathFn::Tan => "TAN",
-        MathFn::Asin => "ASIN",
-        MathFn::Acos => "ACOS",
-        MathFn::Atan => "ATAN",
     }
 }
 

@@ -327,7 +327,7 @@ impl SimBus {
         for &byte in bytes {
             let bad = weather.as_mut().is_some_and(|weather| weather.is_bad(begin));
             let faults = config.bursts.filter(|_| bad).map_or(config.faults, |bursts| bursts.faults);
-            match faults.draw(rng) {
+            match Fate::of(&faults, rng) {
                 Fate::Whole => member.push(begin, time, Span::ZERO, What::Byte(byte)),
                 Fate::Flip(mask) => member.push(begin, time, Span::ZERO, What::Byte(byte ^ mask)),
                 Fate::Lost => {}

@@ -77,7 +77,7 @@ impl Direction {
             } else if begin >= config.faults_until {
                 Fate::Whole
             } else {
-                config.faults.draw(rng)
+                Fate::of(&config.faults, rng)
             };
             let time = config.char_time;
             match fate {

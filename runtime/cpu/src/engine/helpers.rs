@@ -9,7 +9,7 @@ use super::regs::{BR, Regs};
 use super::{Entry, Hot, statement};
 use crate::arena::ArenaByte;
 use crate::native;
-use crate::whereabouts::Packed;
+use crate::scan_position::Packed;
 use crate::{Abort, Context};
 
 impl Context<'_> {

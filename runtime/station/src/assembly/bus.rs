@@ -10,8 +10,8 @@ use ob1_host::driver::{DriverCommand, DriverStatus, Fleet};
 use ob1_host::supervisor::Times;
 
 use crate::bus_view::BusView;
+use crate::confinement;
 use crate::drivers::DriverSettings;
-use crate::fence;
 use crate::simulated;
 use ob1_station_file::{Bus, Line, Station};
 
@@ -53,7 +53,7 @@ pub(crate) fn add(
         name: bus.name.clone(),
         program: drivers.io.clone(),
         args: vec!["--name".into(), bus.name.clone().into(), "--trace".into(), rundir.into(), "--bus".into(), text],
-        env: drivers.env.iter().cloned().chain([fence::variable([rundir], None, &bus.lines)]).collect(),
+        env: drivers.env.iter().cloned().chain([confinement::variable([rundir], None, &bus.lines)]).collect(),
         descriptors: vec![Arc::new(descriptor)],
     };
     let monitor = side.monitor().clone();

@@ -21,10 +21,10 @@ use ob1_stl::Library;
 use serde_json::json;
 
 use crate::compiling::Request;
+use crate::confinement;
 use crate::download::{self, Changes, Downloading};
 use crate::drivers::{DriverSettings, find_program};
 use crate::engine::{InUse, factory};
-use crate::fence;
 use crate::forced::{self, Forces};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::known::Known;
@@ -453,7 +453,7 @@ impl Building<'_> {
                 .env
                 .iter()
                 .cloned()
-                .chain([fence::variable([self.rundir], None, config.kind.line())])
+                .chain([confinement::variable([self.rundir], None, config.kind.line())])
                 .collect(),
             descriptors: Vec::new(),
         };

@@ -93,18 +93,18 @@ impl Compiling {
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
     pub fn start(request: Request, plan: &Arc<Plan>, in_use: &Arc<InUse>) -> io::Result<(Self, Successors)> {
-        let (giver, successors) = Giver::pair();
-        Ok((Self::giving(request, plan, giver, in_use)?, successors))
+        let (sender, successors) = EngineSender::pair();
+        Ok((Self::giving(request, plan, sender, in_use)?, successors))
     }
 
-    /// The same for a scan that has the other end of `giver` already.
+    /// The same for a scan that has the other end of `sender` already.
     ///
     /// # Errors
     /// The system refuses a socket or a thread, as with [`Compiling::start`].
-    pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver, in_use: &Arc<InUse>) -> io::Result<Self> {
+    pub fn giving(request: Request, plan: &Arc<Plan>, sender: EngineSender, in_use: &Arc<InUse>) -> io::Result<Self> {
         let (plan, in_use) = (Arc::clone(plan), Arc::clone(in_use));
         let work = move |stopped| {
-            let mut work = Work { plan, giver, sent: 0, stopped, optimised: None, refused: Vec::new() };
+            let mut work = Work { plan, sender, sent: 0, stopped, optimised: None, refused: Vec::new() };
             in_use.lack(None);
             let mut again = AGAIN.into_iter();
             loop {
@@ -112,7 +112,7 @@ impl Compiling {
                     Ok(Outcome::Stopped) => return,
                     Ok(Outcome::Done) => {
                         in_use.lack((!work.refused.is_empty()).then(|| work.refused.join("; ")));
-                        return work.bury();
+                        return work.take_back_all();
                     }
                     Err(Failed::Ended(why)) if let Some(pause) = again.next() => {
                         tracing::warn!("machine code: {why}; it is tried again in {} s", pause.as_secs());
@@ -124,7 +124,7 @@ impl Compiling {
                     Err(Failed::Ended(why) | Failed::For(why)) => {
                         tracing::warn!("machine code: {why}; the station continues without it");
                         in_use.lack(Some(why));
-                        return work.bury();
+                        return work.take_back_all();
                     }
                 }
             }
@@ -134,18 +134,18 @@ impl Compiling {
 }
 
 /// The other end: gives engines to the scan and takes back those that ran before.
-pub struct Giver {
+pub struct EngineSender {
     to_scan: Producer<Box<dyn Engine>>,
     from_scan: Consumer<Box<dyn Engine>>,
 }
 
-impl fmt::Debug for Giver {
+impl fmt::Debug for EngineSender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Giver").field("room", &self.to_scan.slots()).finish_non_exhaustive()
+        f.debug_struct("EngineSender").field("room", &self.to_scan.slots()).finish_non_exhaustive()
     }
 }
 
-impl Giver {
+impl EngineSender {
     /// Both ends, with room for all engines that come for a program.
     #[must_use]
     pub fn pair() -> (Self, Successors) {
@@ -247,7 +247,7 @@ fn send(socket: &OwnedFd, message: &[u8], bytes: &[u8]) -> io::Result<()> {
 /// What the thread needs for its work.
 struct Work {
     plan: Arc<Plan>,
-    giver: Giver,
+    sender: EngineSender,
     /// Engines that were given to the scan.
     sent: usize,
     stopped: OwnedFd,
@@ -284,7 +284,7 @@ impl Work {
             if self.optimised.is_none_or(|before| before < engine.optimised()) {
                 self.optimised = Some(engine.optimised());
                 // There is room for all that come.
-                let _ = self.giver.give(Box::new(engine));
+                let _ = self.sender.give(Box::new(engine));
                 self.sent += 1;
             }
             if is_last {
@@ -334,7 +334,7 @@ impl Work {
     fn pause(&mut self, time: Duration) -> bool {
         let end = std::time::Instant::now() + time;
         loop {
-            while self.giver.take_back().is_some() {
+            while self.sender.take_back().is_some() {
                 self.sent -= 1;
             }
             let left = end.saturating_duration_since(std::time::Instant::now());
@@ -350,9 +350,9 @@ impl Work {
     }
 
     /// Waits for the engines that the scan gives back, and frees their memory.
-    fn bury(&mut self) {
+    fn take_back_all(&mut self) {
         loop {
-            while self.giver.take_back().is_some() {
+            while self.sender.take_back().is_some() {
                 self.sent -= 1;
             }
             if self.sent == 0 {
@@ -360,7 +360,7 @@ impl Work {
             }
             let mut fds = [PollFd::new(&self.stopped, PollFlags::IN)];
             let _ = poll(&mut fds, Timespec::try_from(LOOK).ok().as_ref());
-            if !fds[0].revents().is_empty() || self.giver.from_scan.is_abandoned() {
+            if !fds[0].revents().is_empty() || self.sender.from_scan.is_abandoned() {
                 return;
             }
         }
@@ -399,7 +399,7 @@ mod tests {
     #[test]
     fn each_tier_takes_over_and_gives_back_what_ran_before() {
         let mut cpu = cpu();
-        let (mut giver, mut successors) = Giver::pair();
+        let (mut sender, mut successors) = EngineSender::pair();
         let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [5; 16] };
         let mut scans = 0;
         let mut run = |cpu: &mut Cpu| {
@@ -415,16 +415,16 @@ mod tests {
         ] {
             let file = file(&cpu, &order, tier);
             let engine = Native::of_file(cpu.plan(), &order, file.as_fd()).expect("a good file");
-            assert!(giver.give(Box::new(engine)).is_ok());
+            assert!(sender.give(Box::new(engine)).is_ok());
             assert_eq!(successors.take_over(&mut cpu), Some(name));
-            assert_eq!(giver.take_back().map(|engine| engine.name()), Some(before));
+            assert_eq!(sender.take_back().map(|engine| engine.name()), Some(before));
             run(&mut cpu);
         }
     }
 
     /// Hands over files as a process would: how many engines the scan has then, and the end.
     fn taken(cpu: &Cpu, order: &Order, files: &[OwnedFd]) -> (usize, String) {
-        let (giver, successors) = Giver::pair();
+        let (sender, successors) = EngineSender::pair();
         let (stopped, _stop) = io::pipe().expect("a pipe");
         let (socket, theirs) = handover::pair().expect("a socket");
         for file in files {
@@ -433,7 +433,7 @@ mod tests {
         drop(theirs);
         let child = Command::new("/bin/true").spawn().expect("a process");
         let (plan, stopped) = (Arc::clone(cpu.plan()), stopped.into());
-        let mut work = Work { plan, giver, sent: 0, stopped, optimised: None, refused: Vec::new() };
+        let mut work = Work { plan, sender, sent: 0, stopped, optimised: None, refused: Vec::new() };
         let ended = match work.take(&mut Process { child, socket }, order) {
             Ok(Outcome::Done) => "done".to_owned(),
             Ok(Outcome::Stopped) => "stopped".to_owned(),
@@ -460,11 +460,11 @@ mod tests {
     #[test]
     fn an_engine_of_another_program_does_not_take_over() {
         let (mut one, other) = (cpu(), cpu());
-        let (mut giver, mut successors) = Giver::pair();
+        let (mut sender, mut successors) = EngineSender::pair();
         let plain = ob1_cpu::engine::PLAIN.engine(other.plan()).expect("it runs everything");
-        assert!(giver.give(plain).is_ok());
+        assert!(sender.give(plain).is_ok());
         assert_eq!((successors.take_over(&mut one), one.engine()), (None, "reference"));
-        assert_eq!(giver.take_back().map(|engine| engine.name()), Some("plain"));
+        assert_eq!(sender.take_back().map(|engine| engine.name()), Some("plain"));
     }
 
     #[test]

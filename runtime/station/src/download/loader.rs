@@ -25,7 +25,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::changes::{Changes, block, has, is_system_data};
 use super::file;
 use super::order::{LoadOrder, LoadStatus, Loading, Loads};
-use crate::compiling::{Compiling, Giver, Request, Successors};
+use crate::compiling::{Compiling, EngineSender, Request, Successors};
 use crate::engine::{InUse, factory, factory_in_run};
 use crate::known::{Known, KnownProgram};
 use crate::program;
@@ -227,7 +227,7 @@ struct Work {
     from_scan: Consumer<Box<OnItsWay>>,
     runs: Box<dyn Fn() -> bool + Send>,
     /// Machine code that is to be made of the program that runs now.
-    wanted: Option<(Arc<Plan>, Giver)>,
+    wanted: Option<(Arc<Plan>, EngineSender)>,
     /// Where it is being made.
     compiling: Option<Compiling>,
     /// The program before the last change.
@@ -245,10 +245,10 @@ impl Work {
 
     /// Has machine code made for the running program, in a process of its own.
     fn compile(&mut self) {
-        let (Some((plan, giver)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
+        let (Some((plan, sender)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
         // The program it was made for is gone.
         self.compiling = None;
-        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver, &self.with.in_use) {
+        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, sender, &self.with.in_use) {
             Ok(compiling) => self.compiling = Some(compiling),
             Err(why) => tracing::warn!("machine code: {why}; the station continues without it"),
         }
@@ -375,9 +375,9 @@ impl Work {
         let successor = self.load(&next, fresh)?;
         // If only values change, the machine code stays right.
         let plan = successor.plan().filter(|_| self.with.compile.is_some()).cloned();
-        let (giver, engines) = plan.as_ref().map(|_| Giver::pair()).unzip();
+        let (sender, engines) = plan.as_ref().map(|_| EngineSender::pair()).unzip();
         self.hand_over(successor, engines)?;
-        if let Some(wanted) = plan.zip(giver) {
+        if let Some(wanted) = plan.zip(sender) {
             self.wanted = Some(wanted);
         }
         self.before = Some(std::mem::replace(&mut self.with.now, next));

@@ -134,8 +134,8 @@ impl AtWork {
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
         let (to_run, entries) = ob1_broker::feed();
         let journal = Journal::new(entries);
-        let (attention, log, whereabouts) = (cpu.attention(), cpu.log_reader(), cpu.whereabouts());
-        last_words::prepare(io.clone(), Arc::clone(&running), Arc::clone(&whereabouts)).map_err(system("signals"))?;
+        let (attention, log, position) = (cpu.attention(), cpu.log_reader(), cpu.position());
+        last_words::prepare(io.clone(), Arc::clone(&running), Arc::clone(&position)).map_err(system("signals"))?;
         let compiling = compile.map(|request| Compiling::start(request, cpu.plan(), &view.engine)).transpose();
         let (compiling, successors) = compiling.map_err(system("the thread that compiles"))?.unzip();
         cpu.follow(scan.follower([to_run, to_broker]));
@@ -157,7 +157,7 @@ impl AtWork {
         }
         .start()
         .map_err(system("the scan thread"))?;
-        let seen = (Arc::clone(&scan), whereabouts, Arc::clone(&view.stands));
+        let seen = (Arc::clone(&scan), position, Arc::clone(&view.stands));
         let monitor = Monitor::start(seen, Arc::clone(&running), io.clone(), station.cpu.watchdog);
         let monitor = monitor.map_err(system("the monitor"))?;
         Ok(Self {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ob1_cpu::{Running, Whereabouts};
+use ob1_cpu::{Running, ScanPosition};
 use ob1_rt::LastWords;
 
 use crate::exit::Exit;
@@ -15,7 +15,7 @@ use crate::io::ProcessIo;
 pub(super) fn prepare(
     io: Option<ProcessIo>,
     running: Arc<Running>,
-    whereabouts: Arc<Whereabouts>,
+    position: Arc<ScanPosition>,
 ) -> std::io::Result<()> {
     let words = LastWords {
         // The lock inside is only tried: whoever held it when the process crashed keeps it.
@@ -24,7 +24,7 @@ pub(super) fn prepare(
                 io.switch_off();
             }
         }),
-        place: Box::new(move |text| match (running.block(), whereabouts.caller(), whereabouts.ob()) {
+        place: Box::new(move |text| match (running.block(), position.caller(), position.ob()) {
             (Some(block), Some(site), _) => write!(text, "native block {block}, called by {site}"),
             (Some(block), None, Some(ob)) => write!(text, "native block {block} in OB {ob}"),
             (Some(block), None, None) => write!(text, "native block {block}"),

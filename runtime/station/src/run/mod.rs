@@ -21,7 +21,7 @@ use ob1_rt::MonotonicClock;
 use crate::assembly::{self, AssemblyError};
 use crate::drivers::{self, DriverSettings};
 use crate::exit::Exit;
-use crate::guardian::{Guardian, Patience, Ward};
+use crate::guardian::{Guarded, Guardian, Patience};
 use crate::look;
 use crate::out;
 use crate::posture;
@@ -95,7 +95,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     let _exit = exit_is_a_fault(&assembly);
     let patience = Patience::of(station.cpu.watchdog, station.cpu.min_cycle);
     let (path, published) = (rundir.path().to_owned(), assembly::published(&station));
-    let guardian = Ward::of_this_process(path, published, patience, assembly.io.as_ref()).and_then(Guardian::start);
+    let guardian = Guarded::of_this_process(path, published, patience, assembly.io.as_ref()).and_then(Guardian::start);
     let guardian = guardian.map_err(|e| Failure::system("the guardian", &e))?;
     tracing::info!("station {}, process {}", station.name, std::process::id());
     let mut station_at_work = AtWork::start(guardian, &station, assembly, rundir, clock, options)?;

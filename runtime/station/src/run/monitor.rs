@@ -12,7 +12,7 @@ use ob1_model::{BlockId, Event};
 use super::scan::ScanState;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
-use ob1_cpu::{Running, Whereabouts};
+use ob1_cpu::{Running, ScanPosition};
 use ob1_rt::SideThread;
 use ob1_time::Span;
 
@@ -107,7 +107,7 @@ pub(super) struct Monitor {
 
 impl Monitor {
     pub(super) fn start(
-        (scan, whereabouts, stands): (Arc<ScanState>, Arc<Whereabouts>, Arc<AtomicU64>),
+        (scan, position, stands): (Arc<ScanState>, Arc<ScanPosition>, Arc<AtomicU64>),
         running: Arc<Running>,
         io: Option<ProcessIo>,
         watchdog: Span,
@@ -124,7 +124,7 @@ impl Monitor {
                 match told {
                     Told::Nothing => {}
                     Told::Stands => {
-                        let ob = whereabouts.ob().map_or_else(String::new, |ob| format!(", in OB {ob}"));
+                        let ob = position.ob().map_or_else(String::new, |ob| format!(", in OB {ob}"));
                         let (text, seconds) = (Event::CYCLE_STANDS.text(), standstill.seconds());
                         tracing::warn!("{text}: one began {seconds} s ago{ob}");
                         tracing::warn!("  = {}", Event::CYCLE_STANDS.remedy());
@@ -137,7 +137,7 @@ impl Monitor {
     }
 }
 
-/// Drivers end with the process (end of file on their stdin), the janitor removes the runtime directory.
+/// Drivers end with the process (end of file on their stdin), the guardian removes the runtime directory.
 fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
     if let Some(io) = io {
         io.switch_off();

@@ -215,6 +215,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-model",
             "ob1-params",
+            "ob1-serial",
             "ob1-std",
             "ob1-stl",
             "ob1-time",
@@ -261,6 +262,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-station-file",
             "ob1-timing",
             "ob1-params",
+            "ob1-serial",
             // The texts of the events in a CP's diagnostic buffer.
             "ob1-words",
             "bincode",
@@ -430,7 +432,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-time",
         ],
     ),
-    row("xtask", "tools", &["fastrand", "pulldown-cmark", "serde_json"]),
+    row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 
 /// The rooms of the house, from the lowest floor up: a crate needs only crates of its own floor and of those below.

@@ -5,7 +5,7 @@ use ob1_model::BlockKind;
 
 use super::Callee;
 use crate::arena::{ArenaBit, ArenaByte};
-use crate::whereabouts::Packed;
+use crate::scan_position::Packed;
 
 /// Which block a call enters.
 #[derive(Clone, Copy, Debug)]
@@ -179,6 +179,6 @@ pub struct Call {
     pub given: u64,
     /// Something is to be copied back.
     pub copies_out: bool,
-    /// The statement of the call, as [`Whereabouts`](crate::Whereabouts) keep it.
+    /// The statement of the call, as [`ScanPosition`](crate::ScanPosition) keep it.
     pub(crate) site: Packed,
 }

@@ -9,7 +9,7 @@ use super::{
     Signatures,
 };
 use crate::LoadError;
-use crate::whereabouts::Packed;
+use crate::scan_position::Packed;
 
 /// Formals a block may have.
 const FORMALS: usize = 256;

@@ -14,17 +14,17 @@ use tracing::{error, warn};
 
 use crate::{Confinement, Network, Refusal};
 
-/// The variable with the fence, as JSON. Without it the driver was started by hand and is not confined.
+/// The variable with the confinement, as JSON. Without it the driver was started by hand and is not confined.
 const VARIABLE: &str = "OB1_FENCE";
 /// Maximum data of a driver, in bytes: about ten times what it needs.
 const MEMORY: u64 = 64 << 20;
 /// A driver is restarted by itself, the runtime is not: when memory runs out, the driver is killed first.
 const OOM_SCORE: i16 = 500;
 
-/// The fence set by the runtime.
+/// What the runtime has written there.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Fence {
+struct Asked {
     /// The folders of its sockets and its locks.
     folders: Vec<PathBuf>,
     /// The folders of its links.
@@ -37,22 +37,22 @@ struct Fence {
 /// the kernel refused.
 ///
 /// # Errors
-/// The variable is not UTF-8, not JSON of a fence, or names a network that does not exist; in words.
-pub fn raise() -> Result<Vec<Refusal>, String> {
+/// The variable is not UTF-8, not JSON of a confinement, or names a network that does not exist; in words.
+pub fn confine() -> Result<Vec<Refusal>, String> {
     let Some(text) = std::env::var_os(VARIABLE) else { return Ok(Vec::new()) };
-    let fence: Fence = text
+    let asked: Asked = text
         .to_str()
         .ok_or_else(|| "not UTF-8".to_owned())
         .and_then(|text| serde_json::from_str(text).map_err(|error| error.to_string()))
         .map_err(|why| format!("{VARIABLE}: {why}"))?;
-    let network = match fence.network.as_str() {
+    let network = match asked.network.as_str() {
         "" | "none" => Network::None,
         "address" => Network::Address,
         "name" => Network::Name,
         other => return Err(format!("{VARIABLE}: there is no network \"{other}\"")),
     };
     crate::close_inherited();
-    let Fence { folders, links, .. } = fence;
+    let Asked { folders, links, .. } = asked;
     let wanted = Confinement {
         folders,
         links,
@@ -65,7 +65,7 @@ pub fn raise() -> Result<Vec<Refusal>, String> {
     Ok(crate::confine(&wanted))
 }
 
-/// Says in the log what the kernel refused, or why there is no fence; false: then the process must end.
+/// Says in the log what the kernel refused, or why the process is not confined; false: then the process must end.
 #[must_use]
 pub fn tell(raised: &Result<Vec<Refusal>, String>) -> bool {
     match raised {

@@ -1,8 +1,8 @@
-//! The janitor, which is the guardian: a child process that outlives the runtime.
+//! The guardian: a child process that outlives the runtime.
 //!
-//! While the runtime lives, the janitor holds its pidfd and the image of its process I/O, and watches its signs of
-//! life. When the runtime dies or stands still for too long, the janitor sets the outputs to their safe state; once the
-//! runtime is dead, it removes what that has published. It does nothing else, so little can keep it from doing that.
+//! While the runtime lives, the guardian holds its pidfd and the image of its process I/O, and watches its signs of
+//! life. When the runtime dies or stands still for too long, the guardian sets the outputs to their safe state; once
+//! the runtime is dead, it removes what that has published. It does nothing else, so little can keep it from that.
 //! (docs/process-io.md)
 
 use std::io;
@@ -20,7 +20,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::guardian::Patience;
+use super::Patience;
 use crate::rundir;
 
 /// How long the drivers get to remove what they have published themselves.
@@ -64,14 +64,14 @@ impl Vigil {
 }
 
 /// What the runtime has handed over.
-enum Ward {
+enum Held {
     /// Its pidfd, the page and its image.
     Outputs(OwnedFd, Guardian),
     /// The same without an image: it has no process I/O.
     NoOutputs(OwnedFd, GuardPage),
 }
 
-/// The janitor's whole life.
+/// The guardian's whole life.
 pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
     ob1_process::close_inherited();
     // It ends after the runtime, not before: a shutdown sends SIGTERM to all.
@@ -80,9 +80,9 @@ pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
     }
     confine(rundir, published);
     let runtime = rundir::owner(rundir);
-    let ward = receive();
-    watch(&runtime, ward.as_ref(), patience);
-    rundir::bury(rundir, &runtime, || remove_published(published));
+    let held = receive();
+    watch(&runtime, held.as_ref(), patience);
+    rundir::remove_of_dead(rundir, &runtime, || remove_published(published));
 }
 
 /// Confines itself to what it needs: the folders it removes things from, and a look at the runtime in `/proc`. Refusals
@@ -103,7 +103,7 @@ fn confine(rundir: &Path, published: &[PathBuf]) {
 }
 
 /// What came with the first message; `None`: nothing that can be used, but the connection still says when it ends.
-fn receive() -> Option<Ward> {
+fn receive() -> Option<Held> {
     let stdin = rustix::stdio::stdin();
     let mut safe = [0; IO_AREA_BYTES];
     let (length, descriptors) = loop {
@@ -118,21 +118,21 @@ fn receive() -> Option<Ward> {
     let mut descriptors = descriptors.into_iter();
     let (pidfd, page, image) = (descriptors.next()?, descriptors.next()?, descriptors.next());
     Some(match image {
-        Some(image) => Ward::Outputs(pidfd, Guardian::received(image, page, safe.get(..length)?).ok()?),
-        None => Ward::NoOutputs(pidfd, GuardPage::received(page).ok()?),
+        Some(image) => Held::Outputs(pidfd, Guardian::received(image, page, safe.get(..length)?).ok()?),
+        None => Held::NoOutputs(pidfd, GuardPage::received(page).ok()?),
     })
 }
 
 /// Returns when the runtime is dead.
-fn watch(runtime: &str, ward: Option<&Ward>, patience: Patience) {
+fn watch(runtime: &str, held: Option<&Held>, patience: Patience) {
     let mut vigil = Vigil::new(patience);
     let pid = runtime.parse().ok();
     let mut taken = false;
     loop {
-        let gone = has_gone(ward);
-        let (page, guardian) = match ward {
-            Some(Ward::Outputs(_, guardian)) => (Some(guardian.page()), Some(guardian)),
-            Some(Ward::NoOutputs(_, page)) => (Some(page), None),
+        let gone = has_gone(held);
+        let (page, guardian) = match held {
+            Some(Held::Outputs(_, guardian)) => (Some(guardian.page()), Some(guardian)),
+            Some(Held::NoOutputs(_, page)) => (Some(page), None),
             None => (None, None),
         };
         if let Some(page) = page {
@@ -152,10 +152,10 @@ fn watch(runtime: &str, ward: Option<&Ward>, patience: Patience) {
 }
 
 /// Waits for the time of a look, or until the runtime has ended: true.
-fn has_gone(ward: Option<&Ward>) -> bool {
+fn has_gone(held: Option<&Held>) -> bool {
     let stdin = rustix::stdio::stdin();
     let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];
-    if let Some(Ward::Outputs(pidfd, _) | Ward::NoOutputs(pidfd, _)) = ward {
+    if let Some(Held::Outputs(pidfd, _) | Held::NoOutputs(pidfd, _)) = held {
         fds.push(PollFd::new(pidfd, PollFlags::IN));
     }
     match poll(&mut fds, Timespec::try_from(Duration::from(LOOK)).ok().as_ref()) {

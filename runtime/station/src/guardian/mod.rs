@@ -1,8 +1,10 @@
 //! The runtime's end of its guardian: starts the process that outlives it, hands it what it has to hold, and starts it
 //! again when it is gone.
 //!
-//! The guardian is the janitor ([`crate::janitor`]): a child that sets the outputs of the process I/O to their safe
+//! The guardian ([`process`]) is a child that sets the outputs of the process I/O to their safe
 //! state should the runtime die or stand still, and removes what the runtime has published.
+
+pub mod process;
 
 use std::io;
 use std::os::fd::{AsFd as _, OwnedFd};
@@ -52,7 +54,7 @@ impl Patience {
 
 /// What the guardian is for.
 #[derive(Debug)]
-pub struct Ward {
+pub struct Guarded {
     /// The runtime directory, to be removed.
     pub rundir: PathBuf,
     /// Links that drivers publish (ptys), to be removed.
@@ -66,7 +68,7 @@ pub struct Ward {
     runtime: OwnedFd,
 }
 
-impl Ward {
+impl Guarded {
     /// This process, with its process I/O if it has any.
     ///
     /// # Errors
@@ -103,12 +105,12 @@ impl Guardian {
     ///
     /// # Errors
     /// The process or the thread cannot be started; what the system says.
-    pub fn start(ward: Ward) -> io::Result<Self> {
-        Ok(Self { _watch: keep("ob1-guardian", vec![Kept::started(ward, TIMES)?], LOOK, END)? })
+    pub fn start(guarded: Guarded) -> io::Result<Self> {
+        Ok(Self { _watch: keep("ob1-guardian", vec![Kept::started(guarded, TIMES)?], LOOK, END)? })
     }
 }
 
-impl Charge for Ward {
+impl Charge for Guarded {
     /// Its lifeline: it sees the end of the runtime by the runtime's pidfd, and by the end of this connection.
     type Held = OwnedFd;
 
@@ -119,7 +121,7 @@ impl Charge for Ward {
         handover::send(&lifeline, &self.safe, &descriptors)?;
         let mut command = Command::new(own_program()?);
         command
-            .arg("janitor")
+            .arg("guardian")
             .arg("--stopped-ms")
             .arg(self.patience.stopped.millis().to_string())
             .arg("--silent-ms")

@@ -31,13 +31,13 @@ impl Packed {
 /// The running organization block, and the statement that has called the last plugin block. One thread writes, anybody
 /// may read at any time, also a signal handler: there is nothing but atomics.
 #[derive(Debug, Default)]
-pub struct Whereabouts {
+pub struct ScanPosition {
     ob: AtomicU32,
     /// The calling statement, as a [`Packed`].
     caller: AtomicU64,
 }
 
-impl Whereabouts {
+impl ScanPosition {
     pub(crate) fn enter(&self, ob: u16) {
         self.ob.store(u32::from(ob), Ordering::Relaxed);
     }
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_statement_comes_back_as_it_was() {
-        let place = Whereabouts::default();
+        let place = ScanPosition::default();
         assert_eq!((place.ob(), place.caller()), (None, None));
         for kind in [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc] {
             let site = Site { block: BlockId::new(kind, 65_535), network: 65_535, line: 0x0FFF_FFFF };
