@@ -190,7 +190,7 @@ impl Asks {
     pub fn news(&mut self, client: u32, news: &News, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
         let came = match news {
             News::Written { ticket, .. } | News::Answer { ticket, .. } => *ticket,
-            News::Watching | News::Event(_) => return,
+            News::Watching | News::Event(_) | News::Alarm { .. } => return,
         };
         if let (Some(index), News::Answer { answer, .. }) =
             (self.armed.iter().position(|armed| armed.ticket == came), news)
@@ -549,7 +549,10 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         | Answer::Modules { .. }
         | Answer::Document { .. }
         | Answer::Pass(_)
-        | Answer::Point(_) => Reply::Refused(Code::SERVICE),
+        | Answer::Point(_)
+        | Answer::LoggedOn { .. }
+        | Answer::Alarms { .. }
+        | Answer::Ordered(_) => Reply::Refused(Code::SERVICE),
     }
 }
 

@@ -214,7 +214,7 @@ impl Server {
                     }
                     self.ask_for_entries();
                 }
-                News::Watching => {}
+                News::Watching | News::Alarm { .. } => {}
                 News::Written { client, .. } | News::Answer { client, .. } => {
                     let mut around =
                         Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };

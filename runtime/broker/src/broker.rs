@@ -280,6 +280,7 @@ impl Broker {
         match message {
             ToBroker::Beat => {}
             ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
+            ToBroker::Handed { .. } => {}
             ToBroker::Gone(client) => joint.client_gone(client),
             ToBroker::Partner { client, mut partner } => {
                 partner.truncate(partner.floor_char_boundary(PARTNER));
@@ -407,6 +408,7 @@ impl Broker {
                 let found = self.facts.addresses(block, &wanted).ok_or(Refusal::NotThere)?;
                 return Ok(Some(Answer::Addresses(found)));
             }
+            Ask::LogOn { .. } | Ask::Alarms(_) => return Err(Refusal::NotThere),
             Ask::Forced => return Ok(Some(Answer::Forced(self.facts.forced()))),
             Ask::Force(cells) => {
                 client.may_operate()?;
