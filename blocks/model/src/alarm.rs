@@ -249,6 +249,8 @@ pub struct AlarmTime {
 pub enum AlarmChange {
     /// Signals came or went.
     Message {
+        /// The signals that have changed; none, if a NOTIFY tells what they were at its first call.
+        changed: u8,
         /// Messages before this one were lost.
         lost: bool,
     },
@@ -383,6 +385,10 @@ mod tests {
         ] {
             assert_eq!(AlarmState { kind, coming, going, ..AlarmState::default() }.is_open(), open, "{kind:?}");
         }
-        assert!(AlarmKind::ALL.iter().all(|kind| kind.is_function() == (kind.number() != 31 && !(33..=36).contains(&kind.number()))));
+        assert!(
+            AlarmKind::ALL
+                .iter()
+                .all(|kind| kind.is_function() == (kind.number() != 31 && !(33..=36).contains(&kind.number())))
+        );
     }
 }

@@ -1,8 +1,8 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
 use ob1_model::{
-    AlarmEvent, AlarmNow, AlarmOrder, BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, Forced, OperatingState as State, Pass,
-    PassOrder, Piece, PointOrder, Put,
+    AlarmEvent, AlarmNow, AlarmOrder, BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, Displays,
+    Forced, OperatingState as State, Pass, PassOrder, Piece, PointOrder, Put,
 };
 use serde::{Deserialize, Serialize};
 

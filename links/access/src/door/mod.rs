@@ -43,8 +43,9 @@ use ob1_socket::handover;
 use thiserror::Error;
 
 pub use messages::{
-    ALARM_CHANGES, ALARM_PART, ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING,
-    PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    ALARM_CHANGES, ALARM_PART, ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event,
+    MESSAGE_BYTES, News, OUTSTANDING, PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION,
+    Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;
@@ -387,6 +388,14 @@ impl Door {
     /// Who a client is: address and port.
     pub fn partner(&mut self, client: u32, partner: String) {
         self.say(&ToBroker::Partner { client, partner });
+    }
+
+    /// Sends what waits, without receiving; [`Door::pump`] does both.
+    ///
+    /// # Errors
+    /// As [`Door::pump`].
+    pub fn flush(&mut self) -> Result<(), DoorError> {
+        self.send()
     }
 
     /// Changes of alarms up to this one have left the link for a client: the broker sends it further ones, and does not

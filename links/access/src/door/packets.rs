@@ -2,9 +2,9 @@
 
 use ob1_model::{
     AlarmAck, AlarmChange, AlarmEvent, AlarmKind, AlarmNow, AlarmOrder, AlarmQuery, AlarmState, AlarmTime, AlarmTurn,
-    AlarmValues, Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd, DebugOrder, Displays,
-    Forced, ForcedArea, Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Point,
-    PointItem, PointOrder, Put, Resume, Width,
+    AlarmValues, Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd,
+    DebugOrder, Displays, Forced, ForcedArea, Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine,
+    PassOrder, Piece, Point, PointItem, PointOrder, Put, Resume, Width,
 };
 
 use super::messages::{
@@ -103,7 +103,7 @@ wire!(enum AlarmKind {
 wire!(struct AlarmState { kind, id, component, signals, coming, going, locked });
 wire!(struct AlarmTime { nanos, wall });
 wire!(enum AlarmChange {
-    0 => Message { lost }, 1 => Acknowledged, 2 => Locked, 3 => Unlocked, 4 => Released, 5 => Deleted, 6 => Lost(count),
+    0 => Message { changed, lost }, 1 => Acknowledged, 2 => Locked, 3 => Unlocked, 4 => Released, 5 => Deleted, 6 => Lost(count),
 });
 wire!(struct AlarmEvent { number, time, change, state, values });
 wire!(struct AlarmTurn { time, values });
@@ -291,7 +291,7 @@ mod tests {
         assert!(values.push(4, &[1, 2]) && values.push(2, &[9; 32]));
         let state = AlarmState { kind: AlarmKind::Alarm8p, id: 7, signals: 3, ..AlarmState::default() };
         let time = AlarmTime { nanos: 5, wall: [1; 8] };
-        let change = AlarmChange::Message { lost: true };
+        let change = AlarmChange::Message { changed: 1, lost: true };
         let event = Box::new(AlarmEvent { number: 6, time, change, state, values });
         let answers = [
             Answer::Done,
