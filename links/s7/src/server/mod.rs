@@ -3,6 +3,7 @@
 //! Its owner passes in bytes and replies, and takes requests and bytes. It tolerates missing, short or wrong input at
 //! any moment.
 
+mod alarms;
 mod ask;
 mod control;
 mod cyclic;

@@ -1,5 +1,7 @@
 //! Services of a programming device that wait for the CPU.
 
+use super::alarms::Wanted;
+use super::messages::LogOn;
 use super::test_jobs::Ending;
 use super::var::Slot;
 use crate::wire::BlockType;
@@ -29,6 +31,14 @@ pub(super) enum Service {
         job: u8,
         sub: u8,
         slots: Vec<Slot>,
+    },
+    /// Messages are subscribed to.
+    LogOn(LogOn),
+    AlarmQuery(Wanted),
+    /// Alarms are acknowledged, locked, unlocked; the function of the request comes back.
+    AlarmOrder {
+        sub: u8,
+        function: u8,
     },
     /// A service of the test functions.
     Test(Ending),
