@@ -168,12 +168,12 @@ impl Call<'_> {
 
     /// The bytes a pointer names, from `at` on.
     pub(crate) fn read_at(&mut self, any: &AnyPointer, at: u32, into: &mut [u8]) -> Result<(), Refused> {
-        self.cx.area_read(any.area, any.db, any.at.byte() + at, into)
+        self.cx.pointer_read(any.area, any.db, any.at.byte() + at, into)
     }
 
     /// Writes bytes a pointer names, from `at` on.
     pub(crate) fn write_at(&mut self, any: &AnyPointer, at: u32, from: &[u8]) -> Result<(), Refused> {
-        self.cx.area_write(any.area, any.db, any.at.byte() + at, from)
+        self.cx.pointer_write(any.area, any.db, any.at.byte() + at, from)
     }
 
     /// A RECORD parameter: an ANY of type BYTE of 1 to 240 bytes.

@@ -264,7 +264,7 @@ const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name:
 /// A declaration cannot run. The loader refuses such a program; if the call happens nevertheless, the CPU goes to
 /// STOP.
 fn served_by_a_plugin(call: &mut Call<'_>) -> Done {
-    Err(call.cx.stop())
+    Err(call.cx.stop_by_program())
 }
 
 #[cfg(test)]

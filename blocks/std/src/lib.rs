@@ -30,7 +30,7 @@ mod ti_s7;
 pub mod ticks;
 
 pub use any::{AnyPointer, AnyType};
-pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
+pub use context::{Abort, Context, Done, Instance, ModuleSize, NativeArea, Refused};
 pub use known::known_system_function;
 pub use row::{Origin, StandardBlock};
 pub use sfc::DP_DIAGNOSIS;

@@ -10,9 +10,9 @@ use ob1_time::{Instant, Span};
 use crate::services::{
     AlarmInfo, AlarmSource, AlarmTable, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
     ErrorFilter, ImageError, Images, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack,
-    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
+    RunTimeMeter, RunTimes, Schedule, Services, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
-use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
+use crate::{Abort, Context, Done, Instance, ModuleSize, NativeArea, Refused, StandardBlock, standard_block};
 
 /// A call of one block.
 pub(crate) struct Fake {
@@ -239,10 +239,16 @@ impl Fake {
         Some((param.at.byte() as usize, param.at.bit(), Layout::bits(&param.ty) as usize))
     }
 
-    fn find(&self, area: Area, db: u16, at: u32, len: usize) -> Result<std::ops::Range<usize>, Refused> {
-        let bytes = self.memory.get(&(area, db)).ok_or(Refused::NoDb)?;
-        let range = at as usize..at as usize + len;
-        if range.end > bytes.len() { Err(Refused::Outside) } else { Ok(range) }
+    fn bytes_of(&mut self, area: NativeArea) -> Result<&mut [u8], Refused> {
+        let (area, db) = match area {
+            NativeArea::Instance => return Ok(&mut self.instance),
+            NativeArea::Db(db) => (Area::Db, db),
+            NativeArea::Input => (Area::Input, 0),
+            NativeArea::Output => (Area::Output, 0),
+            NativeArea::Memory => (Area::Memory, 0),
+            NativeArea::CallerLocal => (Area::Local, 0),
+        };
+        self.memory.get_mut(&(area, db)).map(Vec::as_mut_slice).ok_or(Refused::NoDb)
     }
 }
 
@@ -301,30 +307,23 @@ impl Context for Fake {
         Ok(())
     }
 
-    fn instance_read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Refused> {
-        into.copy_from_slice(place(&mut self.instance, at, into.len())?);
+    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        into.copy_from_slice(place(self.bytes_of(area)?, at, into.len())?);
         Ok(())
     }
 
-    fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused> {
-        place(&mut self.instance, at, from.len())?.copy_from_slice(from);
+    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), Refused> {
+        place(self.bytes_of(area)?, at, from.len())?.copy_from_slice(from);
         Ok(())
     }
 
-    fn instance_place(&mut self) -> (u16, u32) {
-        self.place
+    fn instance(&mut self) -> Option<Instance> {
+        let (db, offset) = self.place;
+        Some(Instance { db, offset, len: self.instance.len() as u32 })
     }
 
-    fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused> {
-        let range = self.find(area, db, at, into.len())?;
-        into.copy_from_slice(&self.memory[&(area, db)][range]);
-        Ok(())
-    }
-
-    fn area_write(&mut self, area: Area, db: u16, at: u32, from: &[u8]) -> Result<(), Refused> {
-        let range = self.find(area, db, at, from.len())?;
-        self.area(area, db)[range].copy_from_slice(from);
-        Ok(())
+    fn registers(&mut self) -> (u16, u16) {
+        (0, 0)
     }
 
     fn set_br(&mut self, br: bool) {
@@ -370,68 +369,34 @@ impl Context for Fake {
         self.retriggered += 1;
     }
 
-    fn stop(&mut self) -> Interrupted {
-        Interrupted
+    fn stop_by_program(&mut self) -> Abort {
+        Abort
     }
 
-    fn wall_clock(&mut self) -> &mut dyn WallClock {
+    fn services(&mut self) -> &mut dyn Services {
         &mut self.station
     }
 
-    fn meters(&mut self) -> &mut dyn Meters {
-        &mut self.station
+    fn wait(&mut self, time: Span) -> Result<(), Abort> {
+        self.station.waited.push(time);
+        Ok(())
     }
+}
 
-    fn schedule(&mut self) -> &mut dyn Schedule {
-        &mut self.station
-    }
-
+impl Services for Station {
     fn error_filter(&mut self) -> &mut ErrorFilter {
-        &mut self.station.filter
-    }
-
-    fn replace_value(&mut self, value: u32) -> bool {
-        if self.station.in_error_ob {
-            self.station.replaced = Some(value);
-        }
-        self.station.in_error_ob
+        &mut self.filter
     }
 
     fn interrupt_locks(&mut self) -> &mut InterruptLocks {
-        &mut self.station.locks
+        &mut self.locks
     }
 
-    fn data_blocks(&mut self) -> &mut dyn DataBlocks {
-        &mut self.station
-    }
-
-    fn images(&mut self) -> &mut dyn Images {
-        &mut self.station
-    }
-
-    fn system_status(&mut self) -> &mut dyn SystemStatus {
-        &mut self.station
-    }
-
-    fn messages(&mut self) -> &mut dyn Messages {
-        &mut self.station
-    }
-
-    fn rack(&mut self) -> &mut dyn Rack {
-        &mut self.station
-    }
-
-    fn start_info(&mut self) -> &mut dyn StartInfo {
-        &mut self.station
-    }
-
-    fn alarm_source(&mut self) -> &mut dyn AlarmSource {
-        &mut self.station
-    }
-
-    fn wait(&mut self, time: Span) -> Result<(), Interrupted> {
-        self.station.waited.push(time);
-        Ok(())
+    fn replace_value(&mut self, value: u32) -> bool {
+        if self.in_error_ob {
+            self.replaced = Some(value);
+        }
+        self.in_error_ob
     }
 }
 

@@ -83,6 +83,7 @@ pub use ob1_model::{
 };
 pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
+pub use ob1_std::{Abort, Instance, NativeArea, Refused};
 pub use ob1_time::{Clock, Still};
 pub use orders::{Group, LIST_BYTES, Listing, SUMS_AT, TooMuch};
 pub use points::PointJob;

@@ -1,6 +1,8 @@
 //! Native blocks: what they can ask of the CPU during a call.
 
 use ob1_model::{Area, BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
+use ob1_std::services::Services;
+use ob1_std::{Abort, Context as _, Instance, ModuleSize, NativeArea, Refused};
 use ob1_time::{Instant, Span};
 
 use crate::arena::{ArenaBit, Range};
@@ -9,10 +11,7 @@ use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::natives::{Formal, Native};
 use crate::scan_position::Packed;
 use crate::timers::Counter;
-use crate::{
-    Abort, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeContext, NativeError, ObInfo, Services,
-    ShortText, TimerState,
-};
+use crate::{IoError, ModuleStatus, NativeArg, NativeContext, ObInfo, ShortText, TimerState};
 
 /// Calls a native block from the statement at `site`; the answer is the binary result it leaves.
 #[inline]
@@ -76,27 +75,27 @@ enum Found {
 
 impl Call<'_, '_> {
     #[inline]
-    fn formal(&self, index: u32) -> Result<&Formal, NativeError> {
-        self.native.formals.get(index as usize).ok_or(NativeError::NoParam)
+    fn formal(&self, index: u32) -> Result<&Formal, Refused> {
+        self.native.formals.get(index as usize).ok_or(Refused::NoParam)
     }
 
     /// In line: each use needs one or two of the answers only, and a plugin's block asks several times in each call.
     #[inline(always)]
-    fn find(&self, index: u32, write: bool) -> Result<Found, NativeError> {
+    fn find(&self, index: u32, write: bool) -> Result<Found, Refused> {
         let formal = self.formal(index)?;
         if self.native.has_instance {
             let at = self.instance_bit(formal.at, formal.bits, write)?;
             return Ok(Found::Place(at, formal.bits));
         }
         if index < 64 && self.entry.given >> index & 1 == 0 {
-            return Err(NativeError::NoParam);
+            return Err(Refused::NoParam);
         }
-        let reference = *self.cx.machine.refs.get((self.entry.refs + index) as usize).ok_or(NativeError::NoParam)?;
+        let reference = *self.cx.machine.refs.get((self.entry.refs + index) as usize).ok_or(Refused::NoParam)?;
         if formal.number {
-            return if write { Err(NativeError::NoParam) } else { Ok(Found::Number(reference)) };
+            return if write { Err(Refused::NoParam) } else { Ok(Found::Number(reference)) };
         }
         if write && formal.input {
-            return Err(NativeError::NoParam);
+            return Err(Refused::NoParam);
         }
         if reference & RAW != 0 {
             return self.by_pointer(reference, formal.bits, write);
@@ -107,35 +106,35 @@ impl Call<'_, '_> {
     /// What a pointer of a raw list names. Seldom: out of line, so that the usual case is short.
     #[cold]
     #[inline(never)]
-    fn by_pointer(&self, pointer: u32, bits: u32, write: bool) -> Result<Found, NativeError> {
+    fn by_pointer(&self, pointer: u32, bits: u32, write: bool) -> Result<Found, Refused> {
         let at = BitAddr(pointer & POINTER_BITS);
         let db = match Area::from_pointer_code((pointer >> 24) as u8) {
             Some(Area::Db) => self.entry.db,
             Some(Area::Di) => self.entry.di,
             Some(Area::Peripheral) if matches!(bits, 8..=32) => return Ok(Found::Peripheral(at.byte(), bits)),
-            _ => return Err(NativeError::Outside),
+            _ => return Err(Refused::Outside),
         };
         if write && db.writable == 0 {
-            return Err(NativeError::ReadOnly);
+            return Err(Refused::ReadOnly);
         }
-        let byte = db.range().locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        let byte = db.range().locate(at.byte(), bits.div_ceil(8)).ok_or(Refused::Outside)?;
         Ok(Found::Place(byte.bit(u32::from(at.bit())), bits))
     }
 
     /// The arena bit of `bits` bits at `at` of the instance.
     #[inline]
-    fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<ArenaBit, NativeError> {
+    fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<ArenaBit, Refused> {
         let di = self.entry.di;
         let at = (self.entry.ar2 & POINTER_BITS).wrapping_add(at);
-        let byte = di.range().locate(at / 8, bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        let byte = di.range().locate(at / 8, bits.div_ceil(8)).ok_or(Refused::Outside)?;
         if write && di.writable == 0 {
-            return Err(NativeError::ReadOnly);
+            return Err(Refused::ReadOnly);
         }
         Ok(byte.bit(at % 8))
     }
 
     #[cold]
-    fn peripheral_get(&mut self, at: u32, bits: u32) -> Result<u32, NativeError> {
+    fn peripheral_get(&mut self, at: u32, bits: u32) -> Result<u32, Refused> {
         let mut bytes = [0; 4];
         let from = 4usize.saturating_sub((bits / 8) as usize);
         self.io_read(at, &mut bytes[from..])?;
@@ -143,28 +142,28 @@ impl Call<'_, '_> {
     }
 
     #[cold]
-    fn peripheral_set(&mut self, at: u32, bits: u32, value: u32) -> Result<(), NativeError> {
+    fn peripheral_set(&mut self, at: u32, bits: u32, value: u32) -> Result<(), Refused> {
         let from = 4usize.saturating_sub((bits / 8) as usize);
         self.io_write(at, &value.to_be_bytes()[from..])
     }
 
-    fn range(&self, area: NativeArea, write: bool) -> Result<Range, NativeError> {
+    fn range(&self, area: NativeArea, write: bool) -> Result<Range, Refused> {
         let memory = &self.cx.machine.memory;
         Ok(match area {
             NativeArea::Input => memory.inputs,
             NativeArea::Output => memory.outputs,
             NativeArea::Memory => memory.memory,
-            NativeArea::Db(0) => return Err(NativeError::DbNumber),
+            NativeArea::Db(0) => return Err(Refused::DbNumber),
             NativeArea::Db(number) => {
-                let db = memory.db(number).ok_or(NativeError::NoDb)?;
+                let db = memory.db(number).ok_or(Refused::NoDb)?;
                 if write && db.writable == 0 {
-                    return Err(NativeError::ReadOnly);
+                    return Err(Refused::ReadOnly);
                 }
                 db.range()
             }
             NativeArea::Instance => {
                 if !self.native.has_instance {
-                    return Err(NativeError::NoParam);
+                    return Err(Refused::NoParam);
                 }
                 let at = self.instance_bit(0, self.native.instance_bytes * 8, write)?.byte();
                 Range { at, len: self.native.instance_bytes }
@@ -184,88 +183,73 @@ impl Call<'_, '_> {
         self.cx.machine.enter(event, Some(site), data, ShortText::new(text));
     }
 
-    fn module_error(error: IoError) -> NativeError {
+    fn module_error(error: IoError) -> Refused {
         match error {
-            IoError::NoModule => NativeError::NoModule,
-            IoError::Module(error) => NativeError::Module(error),
+            IoError::NoModule => Refused::NoModule,
+            IoError::Module(error) => error.into(),
         }
     }
 }
 
-impl NativeContext for Call<'_, '_> {
+impl ob1_std::Context for Call<'_, '_> {
+    fn given(&mut self, index: u32) -> bool {
+        self.formal(index).is_ok() && (index >= 64 || self.entry.given >> index & 1 == 1)
+    }
+
     #[inline]
-    fn param_get(&mut self, index: u32) -> Result<u32, NativeError> {
+    fn get(&mut self, index: u32) -> Result<u32, Refused> {
         match self.find(index, false)? {
             Found::Number(number) => Ok(number),
             Found::Place(at, bits @ 0..=32) => Ok(self.cx.machine.memory.read_bits(at, bits as u8)),
-            Found::Place(..) => Err(NativeError::NoParam),
+            Found::Place(..) => Err(Refused::NoParam),
             Found::Peripheral(at, bits) => self.peripheral_get(at, bits),
         }
     }
 
     #[inline]
-    fn param_set(&mut self, index: u32, value: u32) -> Result<(), NativeError> {
+    fn set(&mut self, index: u32, value: u32) -> Result<(), Refused> {
         match self.find(index, true)? {
             Found::Place(at, bits @ 0..=32) => {
                 self.cx.machine.memory.write_bits(at, bits as u8, value);
                 Ok(())
             }
             Found::Peripheral(at, bits) => self.peripheral_set(at, bits, value),
-            _ => Err(NativeError::NoParam),
+            _ => Err(Refused::NoParam),
         }
     }
 
-    fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
-        let Found::Place(bit, bits) = self.find(index, false)? else { return Err(NativeError::NoParam) };
+    fn read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        let Found::Place(bit, bits) = self.find(index, false)? else { return Err(Refused::NoParam) };
         let range = Range { at: bit.byte(), len: bits.div_ceil(8) };
-        let at = range.locate(at, into.len() as u32).ok_or(NativeError::Outside)?.index();
+        let at = range.locate(at, into.len() as u32).ok_or(Refused::Outside)?.index();
         // A STRING's operand may be shorter than declared.
-        let bytes = self.cx.machine.memory.bytes.get(at..at + into.len()).ok_or(NativeError::Outside)?;
+        let bytes = self.cx.machine.memory.bytes.get(at..at + into.len()).ok_or(Refused::Outside)?;
         into.copy_from_slice(bytes);
         Ok(())
     }
 
-    fn param_write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), NativeError> {
-        let Found::Place(bit, bits) = self.find(index, true)? else { return Err(NativeError::NoParam) };
+    fn write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), Refused> {
+        let Found::Place(bit, bits) = self.find(index, true)? else { return Err(Refused::NoParam) };
         if bits < 8 {
-            return Err(NativeError::NoParam);
+            return Err(Refused::NoParam);
         }
         let range = Range { at: bit.byte(), len: bits / 8 };
-        let at = range.locate(at, from.len() as u32).ok_or(NativeError::Outside)?.index();
-        let bytes = self.cx.machine.memory.bytes.get_mut(at..at + from.len()).ok_or(NativeError::Outside)?;
+        let at = range.locate(at, from.len() as u32).ok_or(Refused::Outside)?.index();
+        let bytes = self.cx.machine.memory.bytes.get_mut(at..at + from.len()).ok_or(Refused::Outside)?;
         bytes.copy_from_slice(from);
         Ok(())
     }
 
-    fn param_given(&mut self, index: u32) -> bool {
-        self.formal(index).is_ok() && (index >= 64 || self.entry.given >> index & 1 == 1)
-    }
-
-    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
-        let at = self.range(area, false)?.locate(at, into.len() as u32).ok_or(NativeError::Outside)?.index();
+    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        let at = self.range(area, false)?.locate(at, into.len() as u32).ok_or(Refused::Outside)?.index();
         into.copy_from_slice(&self.cx.machine.memory.bytes[at..at + into.len()]);
         Ok(())
     }
 
-    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError> {
-        let at = self.range(area, true)?.locate(at, from.len() as u32).ok_or(NativeError::Outside)?.index();
+    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), Refused> {
+        let at = self.range(area, true)?.locate(at, from.len() as u32).ok_or(Refused::Outside)?.index();
         self.cx.machine.memory.bytes[at..at + from.len()].copy_from_slice(from);
         Ok(())
-    }
-
-    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError> {
-        let byte = self.range(area, false)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
-        Ok(self.cx.machine.memory.read_bits(byte.bit(bit % 8), 1) == 1)
-    }
-
-    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError> {
-        let byte = self.range(area, true)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
-        self.cx.machine.memory.write_bits(byte.bit(bit % 8), 1, u32::from(value));
-        Ok(())
-    }
-
-    fn area_len(&mut self, area: NativeArea) -> Result<u32, NativeError> {
-        self.range(area, false).map(|range| range.len)
     }
 
     fn instance(&mut self) -> Option<Instance> {
@@ -281,75 +265,119 @@ impl NativeContext for Call<'_, '_> {
         self.br = br;
     }
 
-    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError> {
-        let now = self.cx.machine.hot.now;
-        let timer = self.cx.machine.timers.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?;
-        timer.run(kind, rlo, s5time, now).map_err(|_| NativeError::Outside)
+    fn now(&mut self) -> Instant {
+        self.cx.machine.hot.now
     }
 
-    fn timer_reset(&mut self, number: u16) -> Result<(), NativeError> {
-        self.cx.machine.timers.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?.reset();
+    fn module(&mut self, address: u32) -> Result<ModuleSize, Refused> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(Refused::NoModule)?;
+        Ok(ModuleSize { inputs: plugged.input_bytes as u16, outputs: plugged.output_bytes as u16 })
+    }
+
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), Refused> {
+        self.cx.machine.io_read(address, into).map_err(Self::module_error)
+    }
+
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), Refused> {
+        self.cx.machine.io_write(address, from).map_err(Self::module_error)
+    }
+
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, Refused> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(Refused::NoModule)?;
+        plugged.module.record_read(record, into).map_err(Refused::from)
+    }
+
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(Refused::NoModule)?;
+        if plugged.module.is_of_blocks(record) {
+            return Err(Refused::NoRecord);
+        }
+        plugged.module.record_write(record, from).map_err(Refused::from)
+    }
+
+    fn retrigger_watchdog(&mut self) {
+        self.cx.look();
+        self.cx.retrigger_watchdog();
+        // The count of statements begins anew: in a loop that comes back sooner than it ends, nobody else would see
+        // that something is due.
+        let machine = &mut *self.cx.machine;
+        if machine.hot.now >= machine.standstill.look_at.min(machine.interrupts.next_due()) {
+            machine.hot.look_after = 0;
+        }
+    }
+
+    fn wait(&mut self, time: Span) -> Result<(), Abort> {
+        self.cx.wait(time)
+    }
+
+    fn stop_by_program(&mut self) -> Abort {
+        self.stop(Event::STOP_PROGRAM, "")
+    }
+
+    fn services(&mut self) -> &mut dyn Services {
+        &mut *self.cx.machine
+    }
+}
+
+impl NativeContext for Call<'_, '_> {
+    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, Refused> {
+        let byte = self.range(area, false)?.locate(bit / 8, 1).ok_or(Refused::Outside)?;
+        Ok(self.cx.machine.memory.read_bits(byte.bit(bit % 8), 1) == 1)
+    }
+
+    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), Refused> {
+        let byte = self.range(area, true)?.locate(bit / 8, 1).ok_or(Refused::Outside)?;
+        self.cx.machine.memory.write_bits(byte.bit(bit % 8), 1, u32::from(value));
         Ok(())
     }
 
-    fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError> {
+    fn area_len(&mut self, area: NativeArea) -> Result<u32, Refused> {
+        self.range(area, false).map(|range| range.len)
+    }
+
+    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), Refused> {
         let now = self.cx.machine.hot.now;
-        self.cx.machine.timers.get(usize::from(number)).map(|t| t.state(now)).ok_or(NativeError::NoTimer)
+        let timer = self.cx.machine.timers.get_mut(usize::from(number)).ok_or(Refused::NoTimer)?;
+        timer.run(kind, rlo, s5time, now).map_err(|_| Refused::Outside)
     }
 
-    fn counter_get(&mut self, number: u16) -> Result<u16, NativeError> {
-        self.cx.machine.counters.get(usize::from(number)).map(|c| c.value).ok_or(NativeError::NoTimer)
+    fn timer_reset(&mut self, number: u16) -> Result<(), Refused> {
+        self.cx.machine.timers.get_mut(usize::from(number)).ok_or(Refused::NoTimer)?.reset();
+        Ok(())
     }
 
-    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), NativeError> {
-        let counter = self.cx.machine.counters.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?;
+    fn timer_get(&mut self, number: u16) -> Result<TimerState, Refused> {
+        let now = self.cx.machine.hot.now;
+        self.cx.machine.timers.get(usize::from(number)).map(|t| t.state(now)).ok_or(Refused::NoTimer)
+    }
+
+    fn counter_get(&mut self, number: u16) -> Result<u16, Refused> {
+        self.cx.machine.counters.get(usize::from(number)).map(|c| c.value).ok_or(Refused::NoTimer)
+    }
+
+    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), Refused> {
+        let counter = self.cx.machine.counters.get_mut(usize::from(number)).ok_or(Refused::NoTimer)?;
         if value > Counter::MAX {
-            return Err(NativeError::Outside);
+            return Err(Refused::Outside);
         }
         counter.value = value;
         Ok(())
     }
 
-    fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        Ok((plugged.module.status(), plugged.input_bytes as u16, plugged.output_bytes as u16))
+    fn module_status(&mut self, address: u32) -> Result<ModuleStatus, Refused> {
+        self.cx.machine.modules.at(address).map(|plugged| plugged.module.status()).ok_or(Refused::NoModule)
     }
 
-    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError> {
-        self.cx.machine.io_read(address, into).map_err(Self::module_error)
+    fn record_of_block_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(Refused::NoModule)?;
+        plugged.module.record_write(record, from).map_err(Refused::from)
     }
 
-    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError> {
-        self.cx.machine.io_write(address, from).map_err(Self::module_error)
-    }
-
-    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        plugged.module.record_read(record, into).map_err(NativeError::Module)
-    }
-
-    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        plugged.module.record_write(record, from).map_err(NativeError::Module)
-    }
-
-    fn program_record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        if plugged.module.is_of_blocks(record) {
-            return Err(NativeError::Module(crate::ModuleError::NoRecord));
-        }
-        plugged.module.record_write(record, from).map_err(NativeError::Module)
-    }
-
-    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
-        let callee = self.cx.blocks.find(id).ok_or(NativeError::NoBlock)?;
-        self.attend().map_err(|Abort| NativeError::Abort)?;
+    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), Refused> {
+        let callee = self.cx.blocks.find(id).ok_or(Refused::NoBlock)?;
+        self.attend().map_err(|Abort| Refused::Abort)?;
         let called = Called { id, callee, instance_db, args };
         nested_call(self, &called)
-    }
-
-    fn now(&mut self) -> Instant {
-        self.cx.machine.hot.now
     }
 
     fn ob_info(&mut self) -> ObInfo {
@@ -370,14 +398,14 @@ impl NativeContext for Call<'_, '_> {
         self.cx.fault(Fault::new(kind, number), Some(site), &Interrupted::default()).map(|_| ())
     }
 
-    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError> {
+    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), Refused> {
         if self.cx.machine.modules.at(address).is_none() {
-            return Err(NativeError::NoModule);
+            return Err(Refused::NoModule);
         }
         let mut first = [0; 4];
         let len = data.len().min(4);
         first[..len].copy_from_slice(&data[..len]);
-        self.cx.diagnostic_interrupt(address, first).map_err(|Abort| NativeError::Abort)
+        self.cx.diagnostic_interrupt(address, first).map_err(|Abort| Refused::Abort)
     }
 
     fn diag_entry(&mut self, number: u16, text: &str) {
@@ -393,25 +421,6 @@ impl NativeContext for Call<'_, '_> {
     fn log(&mut self, level: u8, text: &str) {
         self.cx.machine.log(level, text);
     }
-
-    fn retrigger_watchdog(&mut self) {
-        self.cx.look();
-        self.cx.retrigger_watchdog();
-        // The count of statements begins anew: in a loop that comes back sooner than it ends, nobody else would see
-        // that something is due.
-        let machine = &mut *self.cx.machine;
-        if machine.hot.now >= machine.standstill.look_at.min(machine.interrupts.next_due()) {
-            machine.hot.look_after = 0;
-        }
-    }
-
-    fn wait(&mut self, time: Span) -> Result<(), Abort> {
-        self.cx.wait(time)
-    }
-
-    fn services(&mut self) -> &mut dyn Services {
-        &mut *self.cx.machine
-    }
 }
 
 /// A call a native block makes.
@@ -423,19 +432,15 @@ struct Called<'a> {
 }
 
 /// Supplies the parameters as a `CALL` does: references for an FC, copies through the instance for an FB.
-fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), NativeError> {
-    let Some(signature) = call.cx.blocks.plan.signatures.find(called.id) else { return Err(NativeError::NoBlock) };
+fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Refused> {
+    let Some(signature) = call.cx.blocks.plan.signatures.find(called.id) else { return Err(Refused::NoBlock) };
     if called.args.len() != signature.formals.len() {
-        return Err(NativeError::NoBlock);
+        return Err(Refused::NoBlock);
     }
     if call.cx.machine.hot.depth >= u32::from(call.cx.machine.config.nesting_depth) {
         let site = call.site();
         let fault = Fault::new(FaultKind::NestingDepth, call.cx.machine.hot.depth);
-        return call
-            .cx
-            .fault(fault, Some(site), &Interrupted::default())
-            .map(|_| ())
-            .map_err(|Abort| NativeError::Abort);
+        return call.cx.fault(fault, Some(site), &Interrupted::default()).map(|_| ()).map_err(|Abort| Refused::Abort);
     }
     let tops = (call.cx.machine.hot.refs_top, call.cx.machine.hot.scratch_top);
     let mut entry = Entry {
@@ -453,11 +458,11 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
     let has_instance = called.id.kind.has_instance();
     if has_instance {
         let db = match called.instance_db {
-            0 => return Err(NativeError::DbNumber),
-            number => call.cx.machine.memory.db(number).ok_or(NativeError::NoDb)?,
+            0 => return Err(Refused::DbNumber),
+            number => call.cx.machine.memory.db(number).ok_or(Refused::NoDb)?,
         };
         if db.writable < signature.instance_bytes {
-            return Err(if db.writable == 0 && db.len > 0 { NativeError::ReadOnly } else { NativeError::NoBlock });
+            return Err(if db.writable == 0 && db.len > 0 { Refused::ReadOnly } else { Refused::NoBlock });
         }
         entry.db = entry.di;
         entry.di = db;
@@ -484,23 +489,23 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
                 }
                 (_, Some(from)) => machine.memory.copy(from.byte(), to.byte(), formal.bits / 8),
                 (NativeArg::Open, None) => {}
-                _ => return Err(NativeError::NoBlock),
+                _ => return Err(Refused::NoBlock),
             }
             continue;
         }
         let reference = match (*arg, operand) {
             (NativeArg::Value(value), _) if formal.number => value,
             (NativeArg::Value(value), _) if formal.elementary => {
-                let at = machine.memory.scratch.locate(machine.hot.scratch_top, 4).ok_or(NativeError::NoBlock)?;
+                let at = machine.memory.scratch.locate(machine.hot.scratch_top, 4).ok_or(Refused::NoBlock)?;
                 machine.hot.scratch_top += 4;
                 machine.memory.write_bits(at.bit(0), formal.bits as u8, value);
                 at.bit(0).0
             }
             (_, Some(at)) if formal.number => machine.memory.read_bits(at, 16),
             (_, Some(at)) => at.0,
-            _ => return Err(NativeError::NoBlock),
+            _ => return Err(Refused::NoBlock),
         };
-        let slot = machine.refs.get_mut(tops.0 as usize + i).ok_or(NativeError::NoBlock)?;
+        let slot = machine.refs.get_mut(tops.0 as usize + i).ok_or(Refused::NoBlock)?;
         *slot = reference;
         machine.hot.refs_top = tops.0 + i as u32 + 1;
     }
@@ -518,7 +523,7 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
     };
     call.cx.machine.native_caller = caller;
     (call.cx.machine.hot.refs_top, call.cx.machine.hot.scratch_top) = tops;
-    result.map_err(|Abort| NativeError::Abort)?;
+    result.map_err(|Abort| Refused::Abort)?;
     if has_instance {
         for (arg, formal) in called.args.iter().zip(&signature.formals) {
             let NativeArg::Operand(area, bit) = *arg else { continue };
@@ -540,8 +545,8 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
 }
 
 /// The arena bit of an actual a native block supplies.
-fn operand(call: &Call<'_, '_>, area: NativeArea, bit: u32, bits: u32, write: bool) -> Result<ArenaBit, NativeError> {
+fn operand(call: &Call<'_, '_>, area: NativeArea, bit: u32, bits: u32, write: bool) -> Result<ArenaBit, Refused> {
     let at = BitAddr(bit);
-    let byte = call.range(area, write)?.locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+    let byte = call.range(area, write)?.locate(at.byte(), bits.div_ceil(8)).ok_or(Refused::Outside)?;
     Ok(byte.bit(u32::from(at.bit())))
 }

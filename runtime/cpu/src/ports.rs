@@ -5,11 +5,8 @@ use std::sync::atomic::AtomicU64;
 
 use crate::OperatingState;
 use ob1_model::{BlockId, Event, FaultKind, Interface, TimerKind};
-use ob1_std::services::{
-    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
-    SystemStatus, WallClock,
-};
-use ob1_time::{Instant, Span};
+use ob1_std::{Abort, Context, NativeArea, Refused};
+use ob1_time::Instant;
 
 /// The header of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +38,17 @@ pub enum ModuleError {
     Busy,
     /// It has no such record or line.
     NoRecord,
+}
+
+impl From<ModuleError> for Refused {
+    fn from(error: ModuleError) -> Self {
+        match error {
+            ModuleError::Absent => Self::Absent,
+            ModuleError::Outside => Self::Outside,
+            ModuleError::Busy => Self::Busy,
+            ModuleError::NoRecord => Self::NoRecord,
+        }
+    }
 }
 
 /// A module's state, for programs and tools.
@@ -132,52 +140,6 @@ pub trait Module: Send {
     }
 }
 
-/// A block is to be left at once: the CPU goes to STOP, or the run ends. Every caller returns it unchanged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Abort;
-
-/// Why a native block's request was refused; the block decides what that means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NativeError {
-    /// The CPU is going to STOP: return [`Abort`].
-    Abort,
-    /// No such parameter, or of another kind.
-    NoParam,
-    /// The address lies outside the area.
-    Outside,
-    /// The data block does not exist.
-    NoDb,
-    /// The data block number is impossible.
-    DbNumber,
-    /// The data block is write-protected.
-    ReadOnly,
-    /// No module at this address.
-    NoModule,
-    /// The module answers with this error.
-    Module(ModuleError),
-    /// The block to call does not exist or its arguments do not match.
-    NoBlock,
-    /// No timer or counter of this number.
-    NoTimer,
-}
-
-/// Memory a native block may name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NativeArea {
-    /// Process image of the inputs.
-    Input,
-    /// Process image of the outputs.
-    Output,
-    /// Bit memory, from M 0.0 on.
-    Memory,
-    /// The data block with this number.
-    Db(u16),
-    /// The instance of the running FB.
-    Instance,
-    /// Local data of the caller.
-    CallerLocal,
-}
-
 /// An actual parameter of a call a native block makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NativeArg {
@@ -187,17 +149,6 @@ pub enum NativeArg {
     Value(u32),
     /// An operand by bit address.
     Operand(NativeArea, u32),
-}
-
-/// The running FB's instance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Instance {
-    /// Number of the instance data block.
-    pub db: u16,
-    /// First byte in it.
-    pub offset: u32,
-    /// Length of the instance in bytes.
-    pub len: u32,
 }
 
 /// A timer as programs see it.
@@ -222,78 +173,34 @@ pub struct ObInfo {
     pub start: [u8; 20],
 }
 
-/// What a native block can ask of the CPU during its call. The plugin interface (`ob1-abi`) mirrors these functions
-/// one by one; meanings are documented there.
+/// What a native block can ask of the CPU during its call. With the part that standard blocks use too the plugin
+/// interface (`ob1-abi`) mirrors these functions one by one; meanings are documented there.
 #[expect(missing_docs, reason = "documented at the function of the same name in ob1_abi::HostTable")]
-pub trait NativeContext {
-    fn param_get(&mut self, index: u32) -> Result<u32, NativeError>;
-    fn param_set(&mut self, index: u32, value: u32) -> Result<(), NativeError>;
-    fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError>;
-    fn param_write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), NativeError>;
-    fn param_given(&mut self, index: u32) -> bool;
+pub trait NativeContext: Context {
+    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, Refused>;
+    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), Refused>;
+    fn area_len(&mut self, area: NativeArea) -> Result<u32, Refused>;
 
-    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError>;
-    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError>;
-    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError>;
-    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError>;
-    fn area_len(&mut self, area: NativeArea) -> Result<u32, NativeError>;
-    fn instance(&mut self) -> Option<Instance>;
-    /// Data blocks in the DB and DI registers of the caller, 0 for none.
-    fn registers(&mut self) -> (u16, u16);
-    fn set_br(&mut self, br: bool);
+    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), Refused>;
+    fn timer_reset(&mut self, number: u16) -> Result<(), Refused>;
+    fn timer_get(&mut self, number: u16) -> Result<TimerState, Refused>;
+    fn counter_get(&mut self, number: u16) -> Result<u16, Refused>;
+    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), Refused>;
 
-    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError>;
-    fn timer_reset(&mut self, number: u16) -> Result<(), NativeError>;
-    fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError>;
-    fn counter_get(&mut self, number: u16) -> Result<u16, NativeError>;
-    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), NativeError>;
+    /// Status of the module at exactly this logical base address.
+    fn module_status(&mut self, address: u32) -> Result<ModuleStatus, Refused>;
+    /// Writes a record, those that handling blocks exchange with their CP included.
+    fn record_of_block_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused>;
 
-    /// Base address and status of the module at exactly this logical base address.
-    fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError>;
-    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError>;
-    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
-    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError>;
-    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError>;
-    /// The same for a program (SFC 55, SFC 58), to which the records of handling blocks are unknown.
-    fn program_record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
-        self.record_write(address, record, from)
-    }
-
-    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError>;
-    fn now(&mut self) -> Instant;
+    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), Refused>;
     fn ob_info(&mut self) -> ObInfo;
     fn attend(&mut self) -> Result<(), Abort>;
     fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort>;
-    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError>;
+    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), Refused>;
     fn diag_entry(&mut self, number: u16, text: &str);
     /// Enters the text, marks the CPU for STOP; the block then returns [`Abort`]. `event`: a panic or a request.
     fn stop(&mut self, event: Event, text: &str) -> Abort;
     fn log(&mut self, level: u8, text: &str);
-    /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
-    fn retrigger_watchdog(&mut self) {}
-    /// Returns after this time; higher classes may run meanwhile (SFC 47). Not in the plugin interface; returns at once
-    /// by default.
-    ///
-    /// # Errors
-    /// The CPU goes to STOP.
-    fn wait(&mut self, _time: Span) -> Result<(), Abort> {
-        Ok(())
-    }
-    /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin
-    /// interface.
-    fn services(&mut self) -> &mut dyn Services;
-}
-
-/// The CPU's services, by the traits of `ob1-std`.
-pub trait Services:
-    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
-{
-    /// The filter of synchronous errors of the running priority class.
-    fn error_filter(&mut self) -> &mut ErrorFilter;
-    /// Which interrupts are locked and delayed.
-    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
-    /// Puts a value into ACCU1 of the block that an error has interrupted; `false` outside OB 121 and OB 122.
-    fn replace_value(&mut self, value: u32) -> bool;
 }
 
 /// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.

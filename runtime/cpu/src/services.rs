@@ -7,16 +7,16 @@ use ob1_model::moment::Moment;
 use ob1_std::services::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
     ImageError, Images, InterruptLocks, LoadError, Meters, NoPlace, Period, Placed, Rack, RunTimeMeter, Schedule,
-    StartInfo, TimeOfDayInterrupt, WallClock,
+    Services, StartInfo, TimeOfDayInterrupt, WallClock,
 };
 
+use crate::Family;
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
 use crate::made::Attributes;
 use crate::modules::{Plugged, SLOT};
 use crate::service_state::Course;
-use crate::{Family, Services};
 
 /// Longest data block SFC 22 makes.
 const LONGEST_DB: u16 = 65_534;

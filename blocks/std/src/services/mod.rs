@@ -18,6 +18,6 @@ pub use meter::RunTimeMeter;
 pub use schedule::{DelayInterrupt, Period, TimeOfDayInterrupt};
 pub use traits::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DeleteError, ImageError, Images, LoadError,
-    MessageError, Messages, Meters, NoPlace, Placed, Rack, RunTimes, Schedule, StartInfo, StatusError, SystemStatus,
-    WallClock,
+    MessageError, Messages, Meters, NoPlace, Placed, Rack, RunTimes, Schedule, Services, StartInfo, StatusError,
+    SystemStatus, WallClock,
 };

@@ -3,7 +3,7 @@
 use ob1_model::AlarmTime;
 use ob1_model::moment::Moment;
 
-use crate::services::{AlarmTable, DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
+use crate::services::{AlarmTable, DelayInterrupt, ErrorFilter, InterruptLocks, RunTimeMeter, TimeOfDayInterrupt};
 
 /// The CPU's clock of date and time.
 pub trait WallClock {
@@ -298,4 +298,16 @@ pub struct AlarmInfo {
 pub trait AlarmSource {
     /// The alarm whose OB is running; `None` when the OB that runs was not started by one.
     fn alarm(&mut self) -> Option<AlarmInfo>;
+}
+
+/// All of it, as the CPU has it.
+pub trait Services:
+    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
+{
+    /// The filter of synchronous errors of the running priority class.
+    fn error_filter(&mut self) -> &mut ErrorFilter;
+    /// Which interrupts are locked and delayed.
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
+    /// Puts a value into ACCU1 of the block that an error has interrupted; false outside OB 121 and OB 122.
+    fn replace_value(&mut self, value: u32) -> bool;
 }

@@ -181,7 +181,7 @@ impl Face {
 /// One call: looks for transitions, sends a message of them, and gives the acknowledgements out.
 fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
     let [generation, number, place, last, waits] = [0, 1, 2, 3, 4].map(|index| face.fixed(index));
-    let owner = call.cx.instance_place();
+    let owner = call.cx.instance().map_or((0, 0), |instance| (instance.db, instance.offset));
     let (mut id, mut at) = (call.raw(number), call.word(place));
     let called = call.raw(generation);
     let table = call.cx.messages().alarms();

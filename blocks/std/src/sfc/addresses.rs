@@ -5,7 +5,7 @@ use crate::call::{Call, write_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::{NoPlace, Placed};
-use crate::{AnyType, Done, Interrupted};
+use crate::{Abort, AnyType, Done};
 
 params!(GadrLgc {
     Input { SUBNETID: BYTE, RACK: WORD, SLOT: WORD, SUBSLOT: BYTE, SUBADDR: WORD }
@@ -85,7 +85,7 @@ fn base(placed: &Placed) -> Option<(u8, u16, u16)> {
 }
 
 /// The module in a slot of the central rack, with the codes SFC 5 and SFC 70 share.
-fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u16>, Interrupted> {
+fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u16>, Abort> {
     let service = call.cx.rack();
     Ok(if rack != 0 {
         Err(NO_RACK)
@@ -97,7 +97,7 @@ fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u
 }
 
 /// The module in a slot of a station.
-fn distributed(call: &mut Call<'_>, master: u16, station: u16, slot: u16) -> Result<Result<Placed, u16>, Interrupted> {
+fn distributed(call: &mut Call<'_>, master: u16, station: u16, slot: u16) -> Result<Result<Placed, u16>, Abort> {
     Ok(call.cx.rack().module_on(master, station, slot).map_err(|missing| match missing {
         NoPlace::Master => NO_SUBNET,
         NoPlace::Station => NO_RACK,
@@ -134,7 +134,7 @@ fn gadr_lgc(call: &mut Call<'_>) -> Done {
 }
 
 /// The module an identifier of the area and an address name.
-fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Placed>, Interrupted> {
+fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Placed>, Abort> {
     let service = call.cx.rack();
     Ok(match area {
         INPUTS => service.module_with(address, false),

@@ -40,7 +40,7 @@ fn bits(call: &mut Call<'_>, value: bool) -> Result<(), u16> {
         let mask = (((1u16 << here) - 1) as u8) << low;
         let mut now = [0];
         if mask != 0xFF {
-            call.cx.area_read(Area::Output, 0, byte, &mut now).map_err(|e| write_error(3, e))?;
+            call.cx.pointer_read(Area::Output, 0, byte, &mut now).map_err(|e| write_error(3, e))?;
         }
         let new = if value { now[0] | mask } else { now[0] & !mask };
         call.cx.io_write(byte, &[new]).map_err(|_| write_error(3, Refused::Outside))?;

@@ -135,7 +135,7 @@ fn create_filled(call: &mut Call<'_>) -> Result<(), u16> {
         call.read_at(&source, done, piece).map_err(|e| read_error(6, e))?;
         call.cx.data_blocks().load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
         if !request.unlinked && !request.read_only {
-            call.cx.area_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
+            call.cx.pointer_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
         }
         done += piece.len() as u32;
     }

@@ -4,7 +4,7 @@ use crate::call::{Call, read_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::MessageError;
-use crate::{AnyType, Done, Interrupted};
+use crate::{Abort, AnyType, Done};
 
 params!(WrUsMsg { Input { SEND: BOOL, EVENTN: WORD, INFO1: ANY, INFO2: ANY } Return { RET_VAL: INT } });
 
@@ -16,7 +16,7 @@ fn wr_usmsg(call: &mut Call<'_>) -> Done {
     call.end(WrUsMsg::RET_VAL, code)
 }
 
-fn user_message(call: &mut Call<'_>) -> Result<u16, Interrupted> {
+fn user_message(call: &mut Call<'_>) -> Result<u16, Abort> {
     let (event, send) = (call.word(WrUsMsg::EVENTN), call.bool(WrUsMsg::SEND));
     if !(0x8..=0xB).contains(&(event >> 12)) {
         return Ok(0x8085);

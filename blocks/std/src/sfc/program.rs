@@ -25,7 +25,7 @@ pub(super) const ROWS: &[Row] = &[
         call.cx.retrigger_watchdog();
         Ok(())
     }),
-    Row::sfc::<Nothing>(46, "STP", |call| Err(call.cx.stop())),
+    Row::sfc::<Nothing>(46, "STP", |call| Err(call.cx.stop_by_program())),
     Row::sfc::<Wait>(47, "WAIT", wait).note("a time not above 0 does not wait"),
 ];
 
@@ -41,7 +41,7 @@ fn wait(call: &mut Call<'_>) -> Done {
 mod tests {
     use ob1_time::Span;
 
-    use crate::Interrupted;
+    use crate::Abort;
     use crate::testing::Fake;
 
     #[test]
@@ -51,7 +51,7 @@ mod tests {
         assert_eq!((fake.retriggered, fake.ended), (1, Ok(())));
         let mut fake = Fake::new("SYSTEM:SFC46");
         fake.run();
-        assert_eq!(fake.ended, Err(Interrupted));
+        assert_eq!(fake.ended, Err(Abort));
         for (time, waited) in [(500i16, vec![Span::from_micros(500)]), (0, vec![]), (-1, vec![])] {
             let mut fake = Fake::new("SYSTEM:SFC47").with("WT", time.to_be_bytes());
             fake.run();

@@ -28,11 +28,11 @@ impl Place {
     }
 
     pub(super) fn read(self, call: &mut Call<'_>, byte: u32, into: &mut [u8]) -> Result<(), Refused> {
-        call.cx.area_read(self.area, self.db, self.at.byte() + byte, into)
+        call.cx.pointer_read(self.area, self.db, self.at.byte() + byte, into)
     }
 
     pub(super) fn write(self, call: &mut Call<'_>, byte: u32, from: &[u8]) -> Result<(), Refused> {
-        call.cx.area_write(self.area, self.db, self.at.byte() + byte, from)
+        call.cx.pointer_write(self.area, self.db, self.at.byte() + byte, from)
     }
 
     pub(super) fn word(self, call: &mut Call<'_>, byte: u32) -> Result<u16, Refused> {

@@ -4,11 +4,12 @@
 use std::sync::{Arc, Mutex};
 
 use ob1_cpu::{
-    Abort, Cpu, CpuConfig, Module, ModuleError, ModuleSlot, NativeArea, NativeArg, NativeBlock, NativeContext,
-    NativeError, OperatingState, system_blocks,
+    Abort, Cpu, CpuConfig, Module, ModuleSlot, NativeArea, NativeArg, NativeBlock, NativeContext, OperatingState,
+    Refused, system_blocks,
 };
 use ob1_ir::{Arg, CallMode, DbRegister, Jump, Number, Op, Operand, Place, Program, StatusBit, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Event, FaultKind, Interface, Section, TimerKind};
+use ob1_std::ModuleSize;
 
 use crate::common;
 use crate::common::rack::TestModule;
@@ -73,23 +74,23 @@ fn parameters_of_an_fc() {
                 ("f", Section::InOut, DataType::Bool),
             ],
             |cx| {
-                assert_eq!(cx.param_get(0), Ok(0xFFFE));
-                assert_eq!(cx.param_get(1), Ok(1));
-                assert_eq!(cx.param_get(2), Ok(7));
-                assert_eq!(cx.param_get(3), Ok(10));
+                assert_eq!(cx.get(0), Ok(0xFFFE));
+                assert_eq!(cx.get(1), Ok(1));
+                assert_eq!(cx.get(2), Ok(7));
+                assert_eq!(cx.get(3), Ok(10));
                 let mut text = [0; 3];
-                assert_eq!(cx.param_read(4, 2, &mut text), Ok(()));
+                assert_eq!(cx.read(4, 2, &mut text), Ok(()));
                 assert_eq!(&text, b"abc");
-                assert_eq!(cx.param_read(4, 4, &mut text), Err(NativeError::Outside));
-                assert_eq!(cx.param_get(4), Err(NativeError::NoParam), "wider than 32 bits");
-                assert_eq!(cx.param_get(7), Err(NativeError::NoParam));
-                assert_eq!(cx.param_set(0, 1), Err(NativeError::NoParam), "an input");
-                assert!(cx.param_given(6) && !cx.param_given(7));
-                cx.param_set(5, 0x1_1234).unwrap();
-                assert_eq!(cx.param_get(5), Ok(0x1234));
+                assert_eq!(cx.read(4, 4, &mut text), Err(Refused::Outside));
+                assert_eq!(cx.get(4), Err(Refused::NoParam), "wider than 32 bits");
+                assert_eq!(cx.get(7), Err(Refused::NoParam));
+                assert_eq!(cx.set(0, 1), Err(Refused::NoParam), "an input");
+                assert!(cx.given(6) && !cx.given(7));
+                cx.set(5, 0x1_1234).unwrap();
+                assert_eq!(cx.get(5), Ok(0x1234));
                 // In/out by reference: seen in the area at once.
                 assert_eq!(cx.bit_get(NativeArea::Memory, 101), Ok(false));
-                cx.param_set(6, 1).unwrap();
+                cx.set(6, 1).unwrap();
                 assert_eq!(cx.bit_get(NativeArea::Memory, 101), Ok(true));
                 Ok(())
             },
@@ -147,7 +148,7 @@ fn a_call_that_cannot_be_supplied_leaves_the_registers() {
 fn a_word_for_a_timer_number() {
     on_each_engine(|| {
         let block = native(fc(20), &[("t", Section::Input, DataType::TimerOrWord)], |cx| {
-            let n = cx.param_get(0).unwrap();
+            let n = cx.get(0).unwrap();
             cx.area_write(NativeArea::Memory, 20, &[n as u8]).unwrap();
             Ok(())
         });
@@ -171,11 +172,11 @@ fn an_fb_with_instance_and_open_parameters() {
             assert_eq!((instance.offset, instance.len), (0, 6));
             let mut bytes = [0; 2];
             cx.area_read(NativeArea::Instance, 4, &mut bytes).unwrap();
-            let sum = u32::from(u16::from_be_bytes(bytes)) + cx.param_get(0).unwrap();
+            let sum = u32::from(u16::from_be_bytes(bytes)) + cx.get(0).unwrap();
             cx.area_write(NativeArea::Instance, 4, &(sum as u16).to_be_bytes()).unwrap();
-            assert_eq!(cx.area_write(NativeArea::Instance, 5, &[0; 2]), Err(NativeError::Outside));
-            assert_eq!(cx.param_given(0), instance.db == 5);
-            cx.param_set(1, sum).unwrap();
+            assert_eq!(cx.area_write(NativeArea::Instance, 5, &[0; 2]), Err(Refused::Outside));
+            assert_eq!(cx.given(0), instance.db == 5);
+            cx.set(1, sum).unwrap();
             Ok(())
         });
         let code = vec![
@@ -196,11 +197,11 @@ fn areas_timers_counters_registers_and_br() {
         let block = native(fc(20), &[], |cx| {
             assert_eq!(cx.area_len(NativeArea::Memory), Ok(256));
             assert_eq!(cx.area_len(NativeArea::Db(3)), Ok(4));
-            assert_eq!(cx.area_len(NativeArea::Db(0)), Err(NativeError::DbNumber));
-            assert_eq!(cx.area_len(NativeArea::Db(99)), Err(NativeError::NoDb));
-            assert_eq!(cx.area_len(NativeArea::Instance), Err(NativeError::NoParam));
-            assert_eq!(cx.area_read(NativeArea::Db(3), 3, &mut [0; 2]), Err(NativeError::Outside));
-            assert_eq!(cx.area_write(NativeArea::Db(4), 0, &[0]), Err(NativeError::ReadOnly));
+            assert_eq!(cx.area_len(NativeArea::Db(0)), Err(Refused::DbNumber));
+            assert_eq!(cx.area_len(NativeArea::Db(99)), Err(Refused::NoDb));
+            assert_eq!(cx.area_len(NativeArea::Instance), Err(Refused::NoParam));
+            assert_eq!(cx.area_read(NativeArea::Db(3), 3, &mut [0; 2]), Err(Refused::Outside));
+            assert_eq!(cx.area_write(NativeArea::Db(4), 0, &[0]), Err(Refused::ReadOnly));
             let mut local = [0; 2];
             cx.area_read(NativeArea::CallerLocal, 20, &mut local).unwrap();
             assert_eq!(local, [0, 77]);
@@ -211,9 +212,9 @@ fn areas_timers_counters_registers_and_br() {
             assert_eq!((timer.output, timer.running, timer.remaining), (true, true, 0x0010));
             cx.timer_reset(2).unwrap();
             assert!(!cx.timer_get(2).unwrap().output);
-            assert_eq!(cx.timer_get(256), Err(NativeError::NoTimer));
+            assert_eq!(cx.timer_get(256), Err(Refused::NoTimer));
             cx.counter_set(1, 999).unwrap();
-            assert_eq!((cx.counter_get(1), cx.counter_set(1, 1000)), (Ok(999), Err(NativeError::Outside)));
+            assert_eq!((cx.counter_get(1), cx.counter_set(1, 1000)), (Ok(999), Err(Refused::Outside)));
             cx.set_br(false);
             Ok(())
         });
@@ -243,17 +244,17 @@ fn areas_timers_counters_registers_and_br() {
 fn modules_by_address() {
     on_each_engine(|| {
         let block = native(fc(20), &[], |cx| {
-            let (status, inputs, outputs) = cx.module_info(256).unwrap();
+            let (status, ModuleSize { inputs, outputs }) = (cx.module_status(256).unwrap(), cx.module(256).unwrap());
             assert_eq!((status.generation, inputs, outputs), (3, 16, 16));
-            assert_eq!(cx.module_info(257), Err(NativeError::NoModule), "only at its base");
+            assert_eq!(cx.module(257), Err(Refused::NoModule), "only at its base");
             cx.io_write(260, &[1, 2, 3]).unwrap();
             let mut bytes = [0; 2];
             cx.io_read(256, &mut bytes).unwrap();
             assert_eq!(bytes, [8, 9]);
-            assert_eq!(cx.io_read(271, &mut bytes), Err(NativeError::NoModule));
+            assert_eq!(cx.io_read(271, &mut bytes), Err(Refused::NoModule));
             assert_eq!(cx.record_read(256, 1, &mut bytes), Ok(1));
-            assert_eq!(cx.record_write(256, 9, &bytes), Err(NativeError::Module(ModuleError::NoRecord)));
-            assert_eq!(cx.diagnostic_interrupt(1, &[]), Err(NativeError::NoModule));
+            assert_eq!(cx.record_of_block_write(256, 9, &bytes), Err(Refused::NoRecord));
+            assert_eq!(cx.diagnostic_interrupt(1, &[]), Err(Refused::NoModule));
             Ok(())
         });
         let cp = TestModule::new(16);
@@ -280,10 +281,10 @@ fn a_whole_ob_1_can_be_native_and_call_blocks_of_statements() {
             cx.call_block(fc(1), 0, &args).map_err(|_| Abort)?;
             let args = [NativeArg::Value(3), NativeArg::Operand(NativeArea::Memory, 80)];
             cx.call_block(fb(1), 5, &args).map_err(|_| Abort)?;
-            assert_eq!(cx.call_block(fc(1), 0, &args), Err(NativeError::NoBlock), "too few");
-            assert_eq!(cx.call_block(fc(77), 0, &[]), Err(NativeError::NoBlock));
-            assert_eq!(cx.call_block(fb(1), 9, &args), Err(NativeError::NoDb));
-            assert_eq!(cx.call_block(fb(1), 0, &args), Err(NativeError::DbNumber));
+            assert_eq!(cx.call_block(fc(1), 0, &args), Err(Refused::NoBlock), "too few");
+            assert_eq!(cx.call_block(fc(77), 0, &[]), Err(Refused::NoBlock));
+            assert_eq!(cx.call_block(fb(1), 9, &args), Err(Refused::NoDb));
+            assert_eq!(cx.call_block(fb(1), 0, &args), Err(Refused::DbNumber));
             Ok(())
         });
         let int = || DataType::Int;
@@ -326,14 +327,14 @@ fn a_block_can_be_called_again_from_a_block_it_called() {
     on_each_engine(|| {
         // Native FC 20 (n) calls FC 2, which calls FC 20 with n - 1, down to 0.
         let recursive = native(fc(20), &[("n", Section::Input, DataType::Int)], |cx| {
-            let n = cx.param_get(0).unwrap();
+            let n = cx.get(0).unwrap();
             let mut count = [0];
             cx.area_read(NativeArea::Memory, 20, &mut count).unwrap();
             cx.area_write(NativeArea::Memory, 20, &[count[0] + 1]).unwrap();
             if n > 0 {
                 cx.call_block(fc(2), 0, &[NativeArg::Value(n - 1)]).map_err(|_| Abort)?;
             }
-            assert_eq!(cx.param_get(0), Ok(n), "its own parameter is still there");
+            assert_eq!(cx.get(0), Ok(n), "its own parameter is still there");
             Ok(())
         });
         let between = block(
@@ -353,7 +354,7 @@ fn stop_and_faults_unwind_through_native_blocks() {
     on_each_engine(|| {
         let outer = || {
             native(fc(20), &[], |cx| match cx.call_block(fc(2), 0, &[]) {
-                Err(NativeError::Abort) => Err(Abort),
+                Err(Refused::Abort) => Err(Abort),
                 other => panic!("the call went on: {other:?}"),
             })
         };

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use ob1_cpu::{
     Abort, Attention, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Module, ModuleSlot, NativeBlock,
-    NativeContext, NativeError, OperatingState, PLUGIN_STACK_BYTES, TimeOfDay,
+    NativeContext, OperatingState, PLUGIN_STACK_BYTES, Refused, TimeOfDay,
 };
 use ob1_ir::{Arg, Call, CallMode, Op, Target};
 use ob1_model::moment::Moment;
@@ -79,7 +79,7 @@ impl Deep {
                 cx.attend()
             }
             Some(Next::Diagnosis) => match cx.diagnostic_interrupt(256, &[1]) {
-                Err(NativeError::Abort) => Err(Abort),
+                Err(Refused::Abort) => Err(Abort),
                 other => {
                     other.expect("the module is there");
                     Ok(())
@@ -116,7 +116,7 @@ impl NativeBlock for Deep {
             let called = cx.call_block(fc(100), 0, &[]);
             self.shared.depth.store(depth, Ordering::Relaxed);
             return match called {
-                Err(NativeError::Abort) => Err(Abort),
+                Err(Refused::Abort) => Err(Abort),
                 other => {
                     other.expect("it may be called");
                     Ok(())

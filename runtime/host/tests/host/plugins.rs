@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use ob1_cpu::{Abort, NativeArg, NativeError};
+use ob1_cpu::{Abort, NativeArg, Refused};
 use ob1_host::plugin::{Plugin, PluginModule, Refusal, describe};
 use ob1_model::{BitAddr, BlockId, BlockKind, Event, FaultKind};
 use ob1_time::{Instant, Span};
@@ -177,7 +177,7 @@ fn a_stop_is_passed_on_by_every_caller() {
     assert_eq!(cpu.stops, [(Event::PLUGIN_STOP, "the value is 42".to_owned())]);
 
     let calls = find(&blocks, BlockKind::Fc, 223);
-    cpu.callees.push_back(Err(NativeError::Abort));
+    cpu.callees.push_back(Err(Refused::Abort));
     assert_eq!(cpu.call(calls, &[7]), Err(Abort));
     assert_eq!((cpu.memory[0], cpu.stops.len()), (0, 1), "it came no further, and the reason is the callee's");
     assert_eq!(cpu.calls, [(BlockId::new(BlockKind::Fc, 220), vec![NativeArg::Value(7)])]);

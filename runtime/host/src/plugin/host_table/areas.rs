@@ -1,7 +1,7 @@
 //! Memory areas, data blocks, the instance.
 
 use ob1_abi::{CallContext, InstanceInfo, Registers, Status};
-use ob1_cpu::NativeError;
+use ob1_cpu::Refused;
 
 use super::edge::{area, bytes, bytes_mut, put, sized, with};
 
@@ -61,7 +61,7 @@ pub(super) unsafe extern "C" fn instance(call: *mut CallContext, info: *mut Inst
     unsafe {
         with(call, |frame| {
             sized(info)?;
-            let found = frame.cx.instance().ok_or(NativeError::NoParam)?;
+            let found = frame.cx.instance().ok_or(Refused::NoParam)?;
             let size = (*info).size;
             put(info, InstanceInfo { size, db: found.db, reserved: 0, offset: found.offset, len: found.len })
         })

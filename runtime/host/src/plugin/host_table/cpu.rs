@@ -10,7 +10,7 @@ use ob1_abi::{
 use ob1_cpu::NativeArg;
 use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 
-use super::edge::{BAD_ARGUMENT, Refused, area, bytes, put, sized, with};
+use super::edge::{BAD_ARGUMENT, NotOk, area, bytes, put, sized, with};
 use super::settings::SETTINGS;
 use crate::plugin::text::given;
 
@@ -50,7 +50,7 @@ pub(super) unsafe extern "C" fn call_block(
     }
 }
 
-fn argument(arg: &CallArg) -> Result<NativeArg, Refused> {
+fn argument(arg: &CallArg) -> Result<NativeArg, NotOk> {
     Ok(match arg.kind {
         0 => NativeArg::Open,
         1 => NativeArg::Value(arg.value),

@@ -3,40 +3,40 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ob1_abi::{self as abi, CallContext, Status};
-use ob1_cpu::{Abort, ModuleError, NativeArea, NativeError};
+use ob1_cpu::{Abort, NativeArea, Refused};
 
 use crate::plugin::frame::Frame;
 
 /// A status other than OK.
-pub(super) struct Refused(pub(super) Status);
+pub(super) struct NotOk(pub(super) Status);
 
-impl From<NativeError> for Refused {
+impl From<Refused> for NotOk {
     #[cold]
-    fn from(error: NativeError) -> Self {
+    fn from(error: Refused) -> Self {
         Self(match error {
-            NativeError::Abort => abi::ABORT,
-            NativeError::NoParam => abi::NO_PARAM,
-            NativeError::Outside | NativeError::NoTimer | NativeError::Module(ModuleError::Outside) => abi::OUTSIDE,
-            NativeError::NoDb => abi::NO_DB,
-            NativeError::DbNumber => abi::DB_NUMBER,
-            NativeError::ReadOnly => abi::READ_ONLY,
-            NativeError::NoModule => abi::NO_MODULE,
-            NativeError::Module(ModuleError::Absent) => abi::ABSENT,
-            NativeError::Module(ModuleError::Busy) => abi::BUSY,
-            NativeError::Module(ModuleError::NoRecord) => abi::NO_RECORD,
-            NativeError::NoBlock => abi::NO_BLOCK,
+            Refused::Abort => abi::ABORT,
+            Refused::NoParam => abi::NO_PARAM,
+            Refused::Outside | Refused::NoTimer => abi::OUTSIDE,
+            Refused::NoDb => abi::NO_DB,
+            Refused::DbNumber => abi::DB_NUMBER,
+            Refused::ReadOnly => abi::READ_ONLY,
+            Refused::NoModule => abi::NO_MODULE,
+            Refused::Absent => abi::ABSENT,
+            Refused::Busy => abi::BUSY,
+            Refused::NoRecord => abi::NO_RECORD,
+            Refused::NoBlock => abi::NO_BLOCK,
         })
     }
 }
 
-impl From<Abort> for Refused {
+impl From<Abort> for NotOk {
     fn from(_: Abort) -> Self {
         Self(abi::ABORT)
     }
 }
 
 /// An impossible pointer or length.
-pub(super) const BAD_ARGUMENT: Refused = Refused(abi::BAD_ARGUMENT);
+pub(super) const BAD_ARGUMENT: NotOk = NotOk(abi::BAD_ARGUMENT);
 
 /// Runs a host function's body on the frame of the call.
 ///
@@ -45,7 +45,7 @@ pub(super) const BAD_ARGUMENT: Refused = Refused(abi::BAD_ARGUMENT);
 #[inline]
 pub(super) unsafe fn with(
     call: *mut CallContext,
-    body: impl for<'x> FnOnce(&mut Frame<'x>) -> Result<(), Refused>,
+    body: impl for<'x> FnOnce(&mut Frame<'x>) -> Result<(), NotOk>,
 ) -> Status {
     // SAFETY: `PluginBlock::call` made the context from its frame and does not touch it while the entry runs; nested
     // calls have frames of their own. The body works for every lifetime, so nothing of it can stay in the frame.
@@ -55,7 +55,7 @@ pub(super) unsafe fn with(
     }
     match catch_unwind(AssertUnwindSafe(|| body(frame))) {
         Ok(Ok(())) => abi::OK,
-        Ok(Err(Refused(status))) => refuse(frame, status),
+        Ok(Err(NotOk(status))) => refuse(frame, status),
         Err(panic) => {
             frame.panic = Some(panic);
             refuse(frame, abi::ABORT)
@@ -76,7 +76,7 @@ fn refuse(frame: &mut Frame<'_>, status: Status) -> Status {
 /// # Safety
 /// `into` is null or valid for writing `len` bytes until the host function returns.
 #[inline]
-pub(super) unsafe fn bytes_mut<'a>(into: *mut u8, len: u32) -> Result<&'a mut [u8], Refused> {
+pub(super) unsafe fn bytes_mut<'a>(into: *mut u8, len: u32) -> Result<&'a mut [u8], NotOk> {
     if len == 0 {
         return Ok(&mut []);
     }
@@ -92,7 +92,7 @@ pub(super) unsafe fn bytes_mut<'a>(into: *mut u8, len: u32) -> Result<&'a mut [u
 /// # Safety
 /// `from` is null or valid for reading `len` bytes until the host function returns.
 #[inline]
-pub(super) unsafe fn bytes<'a>(from: *const u8, len: u32) -> Result<&'a [u8], Refused> {
+pub(super) unsafe fn bytes<'a>(from: *const u8, len: u32) -> Result<&'a [u8], NotOk> {
     if len == 0 {
         return Ok(&[]);
     }
@@ -108,7 +108,7 @@ pub(super) unsafe fn bytes<'a>(from: *const u8, len: u32) -> Result<&'a [u8], Re
 /// # Safety
 /// `to` is null or valid for writing a `T`.
 #[inline]
-pub(super) unsafe fn put<T>(to: *mut T, value: T) -> Result<(), Refused> {
+pub(super) unsafe fn put<T>(to: *mut T, value: T) -> Result<(), NotOk> {
     if to.is_null() || !to.is_aligned() {
         return Err(BAD_ARGUMENT);
     }
@@ -123,7 +123,7 @@ pub(super) unsafe fn put<T>(to: *mut T, value: T) -> Result<(), Refused> {
 /// # Safety
 /// `to` is null or leads to a struct that begins with its size.
 #[inline]
-pub(super) unsafe fn sized<T>(to: *mut T) -> Result<(), Refused> {
+pub(super) unsafe fn sized<T>(to: *mut T) -> Result<(), NotOk> {
     if to.is_null() || !to.is_aligned() {
         return Err(BAD_ARGUMENT);
     }
@@ -133,7 +133,7 @@ pub(super) unsafe fn sized<T>(to: *mut T) -> Result<(), Refused> {
 
 /// An area code with its data block.
 #[inline]
-pub(super) fn area(code: u8, db: u16) -> Result<NativeArea, Refused> {
+pub(super) fn area(code: u8, db: u16) -> Result<NativeArea, NotOk> {
     Ok(match code {
         abi::AREA_E => NativeArea::Input,
         abi::AREA_A => NativeArea::Output,

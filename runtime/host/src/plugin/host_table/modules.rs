@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 
 use ob1_abi::{CallContext, ModuleInfo, Status};
-use ob1_cpu::NativeError;
+use ob1_cpu::Refused;
 
 use super::edge::{bytes, bytes_mut, put, sized, with};
 
@@ -12,15 +12,15 @@ pub(super) unsafe extern "C" fn info(call: *mut CallContext, address: u32, info:
     unsafe {
         with(call, |frame| {
             sized(info)?;
-            let (status, input_bytes, output_bytes) = frame.cx.module_info(address)?;
-            let address = u16::try_from(address).map_err(|_| NativeError::NoModule)?;
+            let (status, registers) = (frame.cx.module_status(address)?, frame.cx.module(address)?);
+            let address = u16::try_from(address).map_err(|_| Refused::NoModule)?;
             put(
                 info,
                 ModuleInfo {
                     size: (*info).size,
                     address,
-                    input_bytes,
-                    output_bytes,
+                    input_bytes: registers.inputs,
+                    output_bytes: registers.outputs,
                     present: u8::from(status.present),
                     reserved: 0,
                     generation: status.generation,
@@ -32,7 +32,7 @@ pub(super) unsafe extern "C" fn info(call: *mut CallContext, address: u32, info:
 
 pub(super) unsafe extern "C" fn state(call: *mut CallContext, address: u32, state: *mut *mut c_void) -> Status {
     // SAFETY: as above.
-    unsafe { with(call, |frame| put(state, frame.memory.module(address).ok_or(NativeError::NoModule)?)) }
+    unsafe { with(call, |frame| put(state, frame.memory.module(address).ok_or(Refused::NoModule)?)) }
 }
 
 pub(super) unsafe extern "C" fn io_read(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status {
@@ -70,5 +70,5 @@ pub(super) unsafe extern "C" fn record_write(
     len: u32,
 ) -> Status {
     // SAFETY: as above.
-    unsafe { with(call, |frame| Ok(frame.cx.record_write(address, record, bytes(from, len)?)?)) }
+    unsafe { with(call, |frame| Ok(frame.cx.record_of_block_write(address, record, bytes(from, len)?)?)) }
 }

@@ -2,7 +2,7 @@
 
 use ob1_abi::{CallContext, NO_MODULE, NO_SETTING, SettingsTable, Status, Text};
 
-use super::edge::{BAD_ARGUMENT, Refused, bytes_mut, put, with};
+use super::edge::{BAD_ARGUMENT, NotOk, bytes_mut, put, with};
 use crate::plugin::frame::Frame;
 use crate::plugin::settings::Setting;
 use crate::plugin::text::given;
@@ -13,11 +13,11 @@ pub(super) static SETTINGS: SettingsTable =
 
 /// # Safety
 /// As for [`given`].
-unsafe fn find<'f>(frame: &'f Frame<'_>, address: u32, name: Text) -> Result<&'f Setting, Refused> {
+unsafe fn find<'f>(frame: &'f Frame<'_>, address: u32, name: Text) -> Result<&'f Setting, NotOk> {
     // SAFETY: the caller's word.
     let name = unsafe { given(name) }.ok_or(BAD_ARGUMENT)?;
-    let settings = frame.memory.settings(address).ok_or(Refused(NO_MODULE))?;
-    settings.get(name).ok_or(Refused(NO_SETTING))
+    let settings = frame.memory.settings(address).ok_or(NotOk(NO_MODULE))?;
+    settings.get(name).ok_or(NotOk(NO_SETTING))
 }
 
 unsafe extern "C" fn get_int(call: *mut CallContext, address: u32, name: Text, value: *mut i64) -> Status {
@@ -25,7 +25,7 @@ unsafe extern "C" fn get_int(call: *mut CallContext, address: u32, name: Text, v
     unsafe {
         with(call, |frame| match find(frame, address, name)? {
             Setting::Int(number) => put(value, *number),
-            Setting::Text(_) => Err(Refused(NO_SETTING)),
+            Setting::Text(_) => Err(NotOk(NO_SETTING)),
         })
     }
 }
@@ -48,7 +48,7 @@ unsafe extern "C" fn get_text(
                 }
                 put(read, text.len() as u32)
             }
-            Setting::Int(_) => Err(Refused(NO_SETTING)),
+            Setting::Int(_) => Err(NotOk(NO_SETTING)),
         })
     }
 }
