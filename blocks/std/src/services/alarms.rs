@@ -322,7 +322,8 @@ impl AlarmTable {
             self.send(place, 1, (time, *values), false);
             Ok(known.is_none() && self.index.len() == ALARMS)
         } else {
-            // The current and the last one are lost, and the one before tells it. ["Temporary Storage of Signal States"]
+            // The current and the last one are lost, and the one before tells it.
+            // ["Temporary Storage of Signal States"]
             if waiting == MEMORIES && self.take_back(id) {
                 let is_its = |event: &&mut AlarmEvent| {
                     event.state.id == id && matches!(event.change, AlarmChange::Message { .. })
