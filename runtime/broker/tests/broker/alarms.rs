@@ -145,11 +145,20 @@ fn a_display_continues_after_its_link_was_killed() {
     let fourth = numbers[2] + 1;
     assert_eq!((got(7), got(8)), (vec![fourth], vec![numbers[1], numbers[2], fourth]));
     assert!(got(9).is_empty() && got(10).is_empty());
+    // It is killed right after it has handed the last one out.
+    door.handed(8, fourth);
+    door.pump().expect("open");
+    drop(door);
+    let mut door = station.open(0);
+    door.partner(1, "10.0.0.5:9".into());
+    assert_eq!(station.ask(&mut door, 1, log_on("A")), Answer::LoggedOn { after: fourth });
+    station.signals(1);
+    assert_eq!(came(&mut station, &mut door, 1).len(), 1);
     // Another address is another display.
     drop(door);
     let mut door = station.open(0);
     door.partner(1, "10.0.0.6:1".into());
-    assert_eq!(station.ask(&mut door, 1, log_on("A")), Answer::LoggedOn { after: fourth });
+    assert_eq!(station.ask(&mut door, 1, log_on("A")), Answer::LoggedOn { after: fourth + 1 });
 }
 
 /// After some time a display that does not come back is given up.
