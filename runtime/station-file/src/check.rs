@@ -14,6 +14,7 @@ use super::types::{Plugin, Realtime, Station};
 use super::values::{choice, name, number, place, places, time};
 use super::{connection, interrupts, link, modules, retentive, simulated};
 use crate::EngineChoice;
+use crate::alarm_texts::AlarmTexts;
 use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
 use crate::sources::{Mnemonics, Sources};
@@ -65,6 +66,8 @@ pub(super) fn check(
         links,
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| place(f, s, folder)),
+        alarms: file.program.alarms.as_ref().map(|table| place(f, table, folder)),
+        alarm_texts: AlarmTexts::default(),
     };
     let warnings = findings.take_warnings();
     findings.into_result((station, warnings))

@@ -12,6 +12,7 @@ use ob1_time::Span;
 use super::line::Line;
 use crate::EngineChoice;
 use crate::RetentiveFile;
+use crate::alarm_texts::AlarmTexts;
 use crate::finding::Spot;
 use crate::sources::Sources;
 
@@ -52,6 +53,10 @@ pub struct Station {
     pub links: Vec<StationLink>,
     /// A file of timed process inputs, and the place that names it.
     pub stimulus: Option<(PathBuf, Spot)>,
+    /// The table of alarm texts, and the place that names it.
+    pub alarms: Option<(PathBuf, Spot)>,
+    /// Its texts, when the files beside the station file have been looked at.
+    pub alarm_texts: AlarmTexts,
 }
 
 /// The kinds of link.

@@ -44,6 +44,7 @@ mod s7_siege;
 mod s7_status;
 mod s7_stops;
 mod s7_tshark;
+mod s7_wincc;
 mod scan;
 mod scl_lines;
 mod serial_devices;

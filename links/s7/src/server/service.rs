@@ -1,7 +1,7 @@
 //! Services of a programming device that wait for the CPU.
 
 use super::test_jobs::Ending;
-use super::var::Slot;
+use super::var::Wanted;
 use crate::wire::BlockType;
 
 /// A service that waits for the CPU.
@@ -23,13 +23,14 @@ pub(super) enum Service {
     Password {
         sub: u8,
     },
-    /// Cyclic data: the first answer, or a message.
+    /// The answer to a cyclic job.
     Cyclic {
-        first: bool,
         job: u8,
         sub: u8,
-        slots: Vec<Slot>,
+        wanted: Vec<Wanted>,
     },
+    /// A message of a cyclic job.
+    CyclicDue,
     /// A service of the test functions.
     Test(Ending),
 }

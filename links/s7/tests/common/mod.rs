@@ -492,3 +492,14 @@ pub(crate) fn items(function: u8, items: &[Vec<u8>]) -> Vec<u8> {
     bytes.extend(items.iter().flatten());
     bytes
 }
+
+/// An item of areas of data blocks: bytes, block, first byte of each.
+pub(crate) fn areas(list: &[(u8, u16, u16)]) -> Vec<u8> {
+    let mut bytes = vec![0x12, 2 + 5 * list.len() as u8, 0xB0, list.len() as u8];
+    for (count, db, at) in list {
+        bytes.push(*count);
+        bytes.extend_from_slice(&db.to_be_bytes());
+        bytes.extend_from_slice(&at.to_be_bytes());
+    }
+    bytes
+}
