@@ -254,7 +254,7 @@ mod tests {
     fn elements_of_the_only_value() {
         let value: &[u8] = &[0, 1, 0, 2, 0xFF, 0xFF, 0x41, 0x42];
         assert_eq!(shown("@1W%d@ @2W%d@ @3I%d@ @4W%X@ @5W%d@ @2X%X@", &[value]), "1 2 -1 4142 ? FFFF4142");
-        assert_eq!(shown("@7C%s@", &[value]), "?");
+        assert_eq!(shown("@7C%s@ @9C%s@", &[value]), "A ?");
         assert_eq!(shown("@1C%s@", &[b"abc"]), "abc");
     }
 

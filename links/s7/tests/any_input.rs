@@ -262,8 +262,8 @@ fn the_generator_changes_everything_it_may() {
     let before = ModelCpu::default();
     let strategy = any_message();
     let mut changed = [false; 8];
-    for round in 0..12_000 {
-        if round % 500 == 0 {
+    for round in 0..20_000 {
+        if round % 1000 == 0 {
             desk = self::desk(Rights::Operate);
         }
         feed(&mut desk, &strategy.new_tree(&mut runner).expect("it has values").current());

@@ -632,5 +632,5 @@ fn the_rules_hold_over_135_minutes() {
     }
     let [messages, complete, unchanged] = session.seen;
     assert_eq!(session.model.jobs.len(), 2);
-    assert!(messages > 1500 && complete > 200 && unchanged > 1000 && writes > 100, "{:?}, {writes}", session.seen);
+    assert!(messages > 1000 && complete > 200 && unchanged > 800 && writes > 100, "{:?}, {writes}", session.seen);
 }
