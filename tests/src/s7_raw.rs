@@ -123,6 +123,21 @@ impl Raw {
         error.map(u16::from_be_bytes).ok_or_else(|| ErrorKind::InvalidData.into())
     }
 
+    /// Sends a service of a programming device: its group, sub-function and data.
+    ///
+    /// # Errors
+    /// If the connection is lost.
+    pub fn service(&mut self, group: u8, sub: u8, data: &[u8]) -> std::io::Result<()> {
+        let mut ask = vec![3, 0];
+        ask.extend_from_slice(&(29 + data.len() as u16).to_be_bytes());
+        ask.extend_from_slice(&[2, 0xF0, 0x80, 0x32, 7, 0, 0, 0, 1, 0, 8]);
+        ask.extend_from_slice(&(4 + data.len() as u16).to_be_bytes());
+        ask.extend_from_slice(&[0, 1, 0x12, 4, 0x11, 0x40 | group, sub, 0, 0xFF, 9]);
+        ask.extend_from_slice(&(data.len() as u16).to_be_bytes());
+        ask.extend_from_slice(data);
+        self.0.write_all(&ask)
+    }
+
     /// The next frame.
     ///
     /// # Errors

@@ -1,7 +1,8 @@
 //! Common parts of the sieges: their length, and mutation of bytes from a seed.
 //!
 //! `cargo xtask siege` runs tests of `tests/tests/parts/siege.rs`, `tests/tests/process/siege.rs`,
-//! `tests/tests/process/load_siege.rs`, `tests/tests/process/s7_siege.rs`, `tests/tests/process/gate_siege.rs`,
+//! `tests/tests/process/load_siege.rs`, `tests/tests/process/s7_siege.rs`, `tests/tests/process/s7_alarms.rs`,
+//! `tests/tests/process/gate_siege.rs`,
 //! `tests/tests/process/gate_load.rs`, `tests/tests/process/strangers.rs`, `tests/tests/process/browser.rs`,
 //! `tests/tests/process/remote_io.rs`, `tests/tests/process/profibus.rs`, `tests/tests/simulation/cp343.rs` and
 //! `runtime/station/tests/process_retentive.rs` with many rounds, or for minutes; the test suite runs them for a short

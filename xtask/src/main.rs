@@ -52,7 +52,7 @@ usage: cargo xtask VERB [...]
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
   siege [WHAT] [--rounds N] [--minutes M]
-                                  attacks, long (all: one after the other): kill bus bus_dp socket segment input cut writer s7_kill s7_sessions
+                                  attacks, long (all: one after the other): kill bus bus_dp socket segment input cut writer s7_kill alarm_kill s7_sessions
                                   s7_torn gate_broker browsers, in rounds; gate_http gate_opcua gate_mqtt gate_greed, in minutes
   miri                            the unit tests of the crates with unsafe code under Miri (a nightly toolchain with that component)
   aarch64 [PROGRAMS]              the native engine's tests and random programs as code for AArch64, under qemu-user

@@ -19,6 +19,7 @@ const SIEGES: &[Siege] = &[
     siege("load_kill", "process::load_siege", Long::Rounds(1_000)),
     siege("change_kill", "process::load", Long::Rounds(1_000)),
     siege("s7_kill", "process::s7_siege", Long::Rounds(100)),
+    siege("alarm_kill", "process::s7_alarms", Long::Rounds(100)),
     siege("s7_sessions", "process::s7_siege", Long::Rounds(1_000_000)),
     siege("s7_torn", "process::s7_siege", Long::Rounds(10_000_000)),
     siege("s7_simulation", "simulation::cp343", Long::Rounds(1_000_000)),

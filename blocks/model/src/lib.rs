@@ -4,6 +4,7 @@
 //! This crate knows no source text, no engine and no operating system.
 
 mod address;
+mod alarm;
 pub mod bcd;
 mod block;
 pub mod calendar;
@@ -25,6 +26,10 @@ mod s5time;
 mod types;
 
 pub use address::{Area, BitAddr};
+pub use alarm::{
+    ALARM_ORDERS, ALARM_VALUE_BYTES, ALARM_VALUES, ALARMS, AlarmAck, AlarmChange, AlarmEvent, AlarmKind, AlarmNow,
+    AlarmOrder, AlarmQuery, AlarmState, AlarmTime, AlarmTurn, AlarmValues, DISPLAY_NAME, Displays,
+};
 pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
 pub use cyclic::{CYCLIC_300, CYCLIC_400, CyclicLimits};

@@ -63,6 +63,8 @@ pub trait Context {
     fn instance_read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Refused>;
     /// Writes bytes of the running FB's instance.
     fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused>;
+    /// The instance of the running FB: its data block, and its first byte there.
+    fn instance_place(&mut self) -> (u16, u32);
     /// Reads bytes of an area. `db` counts for `Db` and `Di`; 0 is the block in the caller's register. Local data is
     /// the caller's.
     fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused>;

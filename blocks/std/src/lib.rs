@@ -6,6 +6,9 @@
 //!
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 
+#[cfg(test)]
+mod alarm_model;
+mod alarm_value;
 mod any;
 mod call;
 mod context;

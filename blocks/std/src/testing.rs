@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use ob1_model::calendar::DAY_MS;
 use ob1_model::moment::{Date, Moment};
-use ob1_model::{Area, Layout, Section};
+use ob1_model::{AlarmTime, Area, Layout, Section};
 use ob1_time::{Instant, Span};
 
 use crate::services::{
-    Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
-    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed,
-    Rack, RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
+    AlarmInfo, AlarmSource, AlarmTable, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
+    ErrorFilter, ImageError, Images, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack,
+    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
 
@@ -31,6 +31,8 @@ pub(crate) struct Fake {
     pub(crate) records: BTreeMap<(u32, u8), Vec<u8>>,
     pub(crate) retriggered: u32,
     pub(crate) station: Station,
+    /// Data block and first byte of the instance.
+    pub(crate) place: (u16, u32),
 }
 
 /// State of the services that the blocks ask.
@@ -52,10 +54,9 @@ pub(crate) struct Station {
     pub(crate) image_error: Option<ImageError>,
     pub(crate) messages: Vec<(u16, Vec<u8>, Vec<u8>, bool)>,
     pub(crate) message_error: Option<MessageError>,
-    pub(crate) alarms: Vec<(u16, u32, bool, bool, Vec<u8>)>,
-    pub(crate) in_use: Vec<InUse>,
+    pub(crate) alarms: AlarmTable,
+    pub(crate) alarm_time: AlarmTime,
     pub(crate) placed: Vec<Placed>,
-    pub(crate) alarm_error: Option<AlarmError>,
     pub(crate) alarm: Option<AlarmInfo>,
     pub(crate) status: Vec<Vec<u8>>,
     pub(crate) waited: Vec<Span>,
@@ -126,6 +127,7 @@ impl Fake {
             records: BTreeMap::new(),
             retriggered: 0,
             station: Station::default(),
+            place: (20, 0),
         }
     }
 
@@ -170,6 +172,11 @@ impl Fake {
             }
         };
         (0..calls).map(sign).collect()
+    }
+
+    /// Whether it has such a parameter or static.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.block.interface.params.iter().any(|p| p.name == name)
     }
 
     fn index(&self, name: &str) -> usize {
@@ -302,6 +309,10 @@ impl Context for Fake {
     fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused> {
         place(&mut self.instance, at, from.len())?.copy_from_slice(from);
         Ok(())
+    }
+
+    fn instance_place(&mut self) -> (u16, u32) {
+        self.place
     }
 
     fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused> {
@@ -532,16 +543,14 @@ impl Messages for Station {
         self.messages.push((event, info1.to_vec(), info2.to_vec(), send));
         self.message_error.map_or(Ok(()), Err)
     }
-    fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        self.alarms.push((alarm.sfc, alarm.id, alarm.signal, alarm.acknowledge, alarm.value.to_vec()));
-        self.alarm_error.map_or(Ok(()), Err)
+    fn alarms(&mut self) -> &mut AlarmTable {
+        &mut self.alarms
     }
-    fn in_use(&mut self, each: &mut dyn FnMut(InUse)) {
-        self.in_use.iter().copied().for_each(each);
+    fn alarm_time(&mut self) -> AlarmTime {
+        self.alarm_time
     }
-    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
-        self.in_use.retain(|number| !which(*number));
-    }
+    /// Nothing is fetched: the test does it.
+    fn send_alarms(&mut self) {}
 }
 
 impl Rack for Station {

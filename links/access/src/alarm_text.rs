@@ -6,6 +6,8 @@
 
 use std::fmt::Write as _;
 
+use serde::{Deserialize, Serialize};
+
 /// The widest that a value may be shown, in characters.
 const WIDEST: usize = 64;
 /// What stands in place of a value that has not come.
@@ -77,9 +79,25 @@ enum Part {
 }
 
 /// The text of an alarm.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 pub struct Template {
+    source: String,
     parts: Vec<Part>,
+}
+
+impl From<Template> for String {
+    fn from(template: Template) -> Self {
+        template.source
+    }
+}
+
+impl TryFrom<String> for Template {
+    type Error = &'static str;
+
+    fn try_from(source: String) -> Result<Self, &'static str> {
+        Self::parse(&source).map_err(|bad| bad.why)
+    }
 }
 
 /// A place in a text that cannot be understood.
@@ -118,7 +136,7 @@ impl Template {
         if !plain.is_empty() {
             parts.push(Part::Text(plain));
         }
-        Ok(Self { parts })
+        Ok(Self { source: text.to_owned(), parts })
     }
 
     /// The text with these values, big-endian as they came.
@@ -202,7 +220,8 @@ impl Place {
         let real = f32::from_bits(raw);
         let _ = match (self.shown, self.element) {
             (Shown::Text, _) => {
-                let text = bytes.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect::<String>();
+                let text =
+                    bytes.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect::<String>();
                 write!(out, "{text:>width$}")
             }
             (Shown::Point(digits), Element::Real) => write!(out, "{real:>width$.digits$}"),

@@ -6,6 +6,7 @@
 //! meaning.
 
 pub mod alarm_text;
+pub mod alarms;
 pub mod audit;
 mod datum;
 pub mod door;

@@ -174,6 +174,8 @@ impl Pump {
             match news {
                 News::Watching => watching = true,
                 News::Event(event) => self.events.push(event),
+                // The gate has not logged on.
+                News::Alarm { .. } => {}
                 News::Written { ticket, outcome, .. } => {
                     if let Some(to) = self.writes.remove(&ticket) {
                         let _ = to.send(outcome.map_err(Trouble::from));

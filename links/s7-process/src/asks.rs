@@ -11,9 +11,10 @@ use ob1_model::{BlockId, BlockKind, Cell, DebugOrder, GROUP_ENTRIES, Piece, Put,
 use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
-use ob1_s7::server::{Ask, CodePlaces, Control, Listed, Loaded, OPERATING_STATE, Reply, Request, STATE_AT};
-use ob1_s7::wire::{Address, DateTime, values_mut};
+use ob1_s7::server::{Ask, Control, Loaded, OPERATING_STATE, Reply, Request, STATE_AT};
+use ob1_s7::wire::{Address, values_mut};
 
+use crate::answers::answered;
 use crate::armed::Armed;
 use crate::cells;
 use crate::config::Config;
@@ -31,9 +32,6 @@ const SOON: Duration = Duration::from_millis(1);
 const TRANSITION: Duration = Duration::from_secs(3);
 /// How often its end is checked.
 const LOOK: Duration = Duration::from_millis(20);
-/// RET_VAL of SFC 51: no such list, no such index.
-const NO_LIST: u16 = 0x8082;
-const NO_INDEX: u16 = 0x8083;
 const STOP: u8 = 0x03;
 const STARTUP: u8 = 0x06;
 const RUN: u8 = 0x08;
@@ -190,7 +188,7 @@ impl Asks {
     pub fn news(&mut self, client: u32, news: &News, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
         let came = match news {
             News::Written { ticket, .. } | News::Answer { ticket, .. } => *ticket,
-            News::Watching | News::Event(_) => return,
+            News::Watching | News::Event(_) | News::Alarm { .. } => return,
         };
         if let (Some(index), News::Answer { answer, .. }) =
             (self.armed.iter().position(|armed| armed.ticket == came), news)
@@ -280,6 +278,8 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         Ask::SetClock(time) => Question::SetClock(time.date_and_time()),
         Ask::Login(password) => Question::Login(password),
         Ask::Logout => Question::Logout,
+        Ask::LogOn { displays, name } => Question::LogOn { displays, name },
+        Ask::Alarms(order) => Question::Alarms(order),
     };
     let rights = match question {
         Question::Login(_) => Some(turn.around.config.unlocked),
@@ -509,47 +509,6 @@ impl Transition {
             }
         };
         Doing::Control(Transition { id, control, step }).again(turn)
-    }
-}
-
-/// Converts an answer of the broker to a reply.
-fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
-    match answer {
-        Answer::Done => rights.map_or(Reply::Done, Reply::Rights),
-        Answer::Clock(bytes) => DateTime::of_date_and_time(*bytes).map_or(Reply::Refused(Code::NOT_NOW), Reply::Clock),
-        Answer::Szl { record, bytes } => Reply::Szl { record: *record, bytes: bytes.to_vec() },
-        Answer::NoSzl(NO_LIST) => Reply::Refused(Code::NO_LIST),
-        Answer::NoSzl(NO_INDEX) => Reply::Refused(Code::NO_INDEX),
-        Answer::NoSzl(_) => Reply::Refused(Code::NOT_NOW),
-        Answer::Blocks(facts) => {
-            let listed = |fact: &ob1_access::door::BlockFact| Listed {
-                ty: cells::ty(fact.id.kind),
-                number: fact.id.number,
-                language: fact.language,
-            };
-            Reply::Blocks(facts.iter().map(listed).collect())
-        }
-        Answer::Block(bytes) => Reply::Block(bytes.to_vec()),
-        Answer::Refused(refusal) => Reply::Refused(match refusal {
-            Refusal::Right => Code::PROTECTED,
-            Refusal::Password => Code::PASSWORD,
-            Refusal::NotThere => Code::NO_BLOCK,
-            Refusal::InRun => Code::COORDINATION,
-            Refusal::Block => Code::BLOCK,
-            Refusal::Room => Code::BLOCK_SIZE,
-            Refusal::Watched => Code::WATCHED,
-            Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
-        }),
-        Answer::Addresses(found) => {
-            Reply::Code(CodePlaces { code: found.code, statements: found.statements, found: found.found.clone() })
-        }
-        Answer::Debug(answer) => Reply::Debug(answer.clone()),
-        Answer::Forced(cells) => Reply::Forced(cells.clone()),
-        Answer::Diagnostics(_)
-        | Answer::Modules { .. }
-        | Answer::Document { .. }
-        | Answer::Pass(_)
-        | Answer::Point(_) => Reply::Refused(Code::SERVICE),
     }
 }
 

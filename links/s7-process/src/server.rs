@@ -215,6 +215,12 @@ impl Server {
                     self.ask_for_entries();
                 }
                 News::Watching => {}
+                News::Alarm { client, event } => {
+                    match self.sessions.iter_mut().find(|session| session.number == *client) {
+                        Some(session) => session.alarm(**event),
+                        None => self.door.handed(*client, event.number),
+                    }
+                }
                 News::Written { client, .. } | News::Answer { client, .. } => {
                     let mut around =
                         Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
@@ -260,6 +266,11 @@ impl Server {
             let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
             session.serve(&mut around, now_ms);
             session.send(&self.tap, now);
+            if let Some(number) = session.handed() {
+                // At once: what the broker does not know of is repeated if this process is killed.
+                around.door.handed(session.number, number);
+                let _ = around.door.flush();
+            }
             if let Some(why) = session.over(now) {
                 over.push((session.number, why));
             }

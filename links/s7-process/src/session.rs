@@ -1,10 +1,12 @@
 //! One connection: its socket, its machine, its requests.
 
+use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{self, News};
+use ob1_model::AlarmEvent;
 use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
 use ob1_s7::tap::Tapped;
@@ -35,6 +37,10 @@ pub(crate) struct Session {
     socket: TcpStream,
     connection: Connection,
     asks: Asks,
+    /// Bytes written to the socket.
+    written: u64,
+    /// Changes of alarms under way: the number, and how many bytes are written when it is.
+    alarms: VecDeque<(u64, u64)>,
     heard: Instant,
     moved: Instant,
     works: bool,
@@ -54,6 +60,8 @@ impl Session {
             socket,
             connection,
             asks: Asks::default(),
+            written: 0,
+            alarms: VecDeque::new(),
             heard: now,
             moved: now,
             works: false,
@@ -196,6 +204,18 @@ impl Session {
         self.connection.event(event);
     }
 
+    /// A change of an alarm, for a partner that has logged on.
+    pub(crate) fn alarm(&mut self, event: AlarmEvent) {
+        self.connection.event(&CpuEvent::Alarm(event));
+        self.alarms.push_back((event.number, self.written + self.connection.output().len() as u64));
+    }
+
+    /// The last change of an alarm that is with the system since the last question.
+    pub(crate) fn handed(&mut self) -> Option<u64> {
+        let count = self.alarms.iter().take_while(|(_, by)| *by <= self.written).count();
+        self.alarms.drain(..count).next_back().map(|(number, _)| number)
+    }
+
     /// Sends what it can.
     pub(crate) fn send(&mut self, tap: &Shared, now: Instant) {
         if self.connection.output().is_empty() {
@@ -206,6 +226,7 @@ impl Session {
                 Ok(0) => self.gone = true,
                 Ok(len) => {
                     self.moved = now;
+                    self.written += len as u64;
                     let sent = self.connection.output().get(..len).unwrap_or_default();
                     tap.borrow_mut().tell(Kind::Out, || self.tapped(), sent);
                     self.connection.sent(len);

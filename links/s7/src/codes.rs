@@ -95,6 +95,8 @@ codes! {
     NO_LIST = 0xD401 "there is no status list of this ID";
     /// No such index in the status list.
     NO_INDEX = 0xD402 "the status list has no such index";
+    /// The partner has logged on for this already.
+    LOGGED_ON = 0xD403 "already logged on";
     /// There are subscribers enough already.
     NO_SUBSCRIBERS = 0xD404 "no more subscribers";
     /// An unknown service of the group.

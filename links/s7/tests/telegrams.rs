@@ -226,14 +226,6 @@ fn stop_and_starts_by_right() {
     assert_eq!(desk.job(&[0x28, 0, 0], &[])[10..12], [0xD2, 0x02]);
 }
 
-/// The answer to the request for the next part.
-fn next_part(desk: &mut Desk, group: u8, sub: u8, sequence: u8) -> Vec<u8> {
-    let mut bytes = job(6, &[0, 1, 0x12, 8, 0x12, 0x40 | group, sub, sequence, 0, 0, 0, 0], &[0x0A, 0, 0, 0]);
-    bytes[1] = 7;
-    desk.send(&bytes);
-    desk.answers().remove(0)
-}
-
 #[test]
 fn a_long_list_comes_in_parts() {
     let mut desk = desk();
@@ -248,12 +240,12 @@ fn a_long_list_comes_in_parts() {
         if more == 0 {
             break;
         }
-        telegram = next_part(&mut desk, 4, 1, sequence);
+        telegram = desk.next_part(4, 1, sequence);
     }
     assert_eq!(list[..8], [0, 0xA0, 0, 0, 0, 20, 0, 100]);
     assert_eq!(list[8..], (0..2000).map(|n| (n / 20) as u8).collect::<Vec<_>>());
     // A part of an answer that was never begun, and a list that does not exist.
-    assert_eq!(next_part(&mut desk, 4, 1, 99)[20..], [0xD4, 0x06, 0x0A, 0, 0, 0]);
+    assert_eq!(desk.next_part(4, 1, 99)[20..], [0xD4, 0x06, 0x0A, 0, 0, 0]);
     assert_eq!(desk.service(4, 1, &[0x77, 0x77, 0, 0])[0][20..], [0xD4, 0x01, 0x0A, 0, 0, 0]);
     assert_eq!(desk.service(4, 1, &[0x77])[0][20..22], [0xD4, 0x05]);
 }
@@ -273,7 +265,7 @@ fn a_long_list_of_blocks_is_cut_between_its_entries() {
             if telegram[19] == 0 {
                 break;
             }
-            telegram = next_part(&mut desk, 3, 2, telegram[17]);
+            telegram = desk.next_part(3, 2, telegram[17]);
         }
         assert_eq!(numbers, std::iter::once(7).chain(100..400).collect::<Vec<u16>>(), "{pdu}");
     }

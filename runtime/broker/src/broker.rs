@@ -5,20 +5,21 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::time::{self, Duration};
 
-use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
+use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, What};
 use ob1_backplane::WindowReader;
-use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
+use ob1_cpu::{Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
 use ob1_model::{DebugAnswer, DebugEnd, DebugOrder, Event, Forced, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use crate::alarms::Changes;
 use crate::client::Job;
 use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
 use crate::port::{Asker, Port};
-use crate::rights::{list, may_force, may_touch, word};
-use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig, LinkState};
+use crate::rights::{alarm_words, list, may_force, may_touch, word};
+use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Span = Span::from_secs(3);
@@ -35,8 +36,6 @@ const MESSAGES: usize = 64;
 const CONNECTIONS: usize = 256;
 /// Longest name of a partner, in bytes: an address and a port.
 const PARTNER: usize = 64;
-/// Packets that may wait for a link while it still gets events.
-const EVENTS_WAITING: usize = 64;
 /// Packets that may wait for a link while documents are made for it: each can be many.
 const DOCUMENTS_WAITING: usize = 256;
 
@@ -44,9 +43,10 @@ const DOCUMENTS_WAITING: usize = 256;
 pub struct Broker {
     port: Port,
     feed: FeedEnd,
-    facts: Box<dyn Facts>,
-    joints: Vec<Joint>,
-    events: Stream,
+    pub(crate) facts: Box<dyn Facts>,
+    pub(crate) joints: Vec<Joint>,
+    pub(crate) events: Stream,
+    pub(crate) alarms: Changes,
     drivers: Vec<DriverState>,
     /// Changes of the program under way, and who waits for them.
     changes: BTreeMap<u64, Asker>,
@@ -75,6 +75,7 @@ impl Broker {
     /// No shared memory, another broker has the CPU already, or it has no share for so many links.
     pub fn new(cpu: &mut Cpu, links: Vec<LinkConfig>, feed: FeedEnd, facts: Box<dyn Facts>) -> io::Result<Self> {
         let client = cpu.access_client().ok_or_else(|| io::Error::other("the access port is taken already"))?;
+        let alarms = cpu.alarm_client().ok_or_else(|| io::Error::other("the alarms are taken already"))?;
         let mut joints = Vec::with_capacity(links.len());
         for config in links {
             let joint = Joint::new(cpu, config).map_err(io::Error::other)?;
@@ -92,6 +93,7 @@ impl Broker {
             forcing: Vec::new(),
             change: 0,
             events: Stream::default(),
+            alarms: Changes::new(alarms),
             looks: 0,
             zero: time::Instant::now(),
             buffer: vec![0; MESSAGE_BYTES],
@@ -146,6 +148,7 @@ impl Broker {
             self.listen(link, now);
         }
         self.watch_station(now);
+        self.watch_alarms(now);
         self.tell_changes();
         self.tell_logins(now);
         self.port.step();
@@ -179,6 +182,7 @@ impl Broker {
                 joint.step(&*self.facts, watched, self.answer_time);
             }
             self.tell_events(link);
+            self.tell_alarms(link);
             let gone = self.joints.get_mut(link).and_then(|joint| {
                 let connection = joint.connection.as_mut()?;
                 connection.flush(now);
@@ -280,6 +284,7 @@ impl Broker {
         match message {
             ToBroker::Beat => {}
             ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
+            ToBroker::Handed { client, number } => joint.logons.handed(client, number),
             ToBroker::Gone(client) => joint.client_gone(client),
             ToBroker::Partner { client, mut partner } => {
                 partner.truncate(partner.floor_char_boundary(PARTNER));
@@ -407,6 +412,21 @@ impl Broker {
                 let found = self.facts.addresses(block, &wanted).ok_or(Refusal::NotThere)?;
                 return Ok(Some(Answer::Addresses(found)));
             }
+            Ask::LogOn { displays, name } => {
+                let logon = (name, client.partner.as_str());
+                let after = joint.logons.log_on(asker.client, displays, logon, self.alarms.newest());
+                let after = after.ok_or(Refusal::Full)?;
+                return Ok(Some(if displays.0 == 0 { Answer::Done } else { Answer::LoggedOn { after } }));
+            }
+            Ask::Alarms(order) => {
+                let told = alarm_words(&order);
+                client.may_order(&order)?;
+                client.take(Job::Alarms(asker.ticket, order))?;
+                if let Some(told) = told {
+                    self.record(asker.link, asker.client, &told, "taken", now);
+                }
+                return Ok(None);
+            }
             Ask::Forced => return Ok(Some(Answer::Forced(self.facts.forced()))),
             Ask::Force(cells) => {
                 client.may_operate()?;
@@ -503,54 +523,6 @@ impl Broker {
         if command == Command::Hot && self.facts.family() != 400 { Err(Refusal::NotThere) } else { Ok(()) }
     }
 
-    fn document(&self, which: Document, state: State, present: &[bool]) -> Answer {
-        let named = self.joints.iter().filter(|joint| !joint.config.name.is_empty());
-        let told = |joint: &Joint| LinkState {
-            name: joint.config.name.clone(),
-            up: joint.up,
-            connections: joint.connections.clone(),
-        };
-        let links: Vec<LinkState> = named.map(told).collect();
-        Answer::Document { last: true, bytes: self.facts.document(which, state, present, &links) }
-    }
-
-    fn status(&self, answers: &[PortAnswer]) -> Answer {
-        match self.told(answers) {
-            Answer::Modules { state, present } => self.document(Document::Status, state, &present),
-            other => other,
-        }
-    }
-
-    /// What the port has answered to one question.
-    fn told(&self, answers: &[PortAnswer]) -> Answer {
-        match answers {
-            [PortAnswer::Done] => Answer::Done,
-            // Cells that are forced: all are taken, or the first that is not says why.
-            [PortAnswer::Done, PortAnswer::Done | PortAnswer::Refused(_), ..] => {
-                let refused = answers.iter().find_map(|answer| match answer {
-                    PortAnswer::Refused(error) => Some(Answer::Refused(Refusal::Cell(*error))),
-                    _ => None,
-                });
-                refused.unwrap_or(Answer::Done)
-            }
-            [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
-            [PortAnswer::State(state), modules @ ..] => {
-                let present = |answer: &PortAnswer| matches!(answer, PortAnswer::Module(module) if module.present);
-                Answer::Modules { state: *state, present: modules.iter().map(present).collect() }
-            }
-            [PortAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
-                Answer::Refused(Refusal::Cell(*error))
-            }
-            entries => {
-                let entries = entries.iter().map_while(|answer| match answer {
-                    PortAnswer::Diag(entry) => Some(self.facts.diagnosis(entry)),
-                    _ => None,
-                });
-                Answer::Diagnostics(entries.collect())
-            }
-        }
-    }
-
     /// Diagnostic entries, changes of state, drivers.
     fn watch_station(&mut self, now: Instant) {
         while let Some(entry) = self.feed.take() {
@@ -570,20 +542,6 @@ impl Broker {
                 self.events.push(now, What::Driver { name: driver.name.clone(), up: driver.up });
             }
             self.drivers = drivers;
-        }
-    }
-
-    /// Events that a link has not got, as long as it takes them.
-    fn tell_events(&mut self, link: usize) {
-        let Some(joint) = self.joints.get_mut(link) else { return };
-        let Some(connection) = &mut joint.connection else { return };
-        while let Some(after) = joint.events_after
-            && connection.waiting() < EVENTS_WAITING
-            && after != self.events.newest()
-        {
-            let Some(event) = self.events.after(after) else { return };
-            joint.events_after = Some(event.number);
-            connection.say(&ToLink::News(News::Event(event)));
         }
     }
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use ob1_access::door::{ARMED, OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_model::{BlockId, DebugOrder, PassOrder, PointOrder};
+use ob1_model::{ALARM_ORDERS, AlarmOrder, BlockId, DebugOrder, PassOrder, PointOrder};
 use ob1_time::Instant;
 
 use crate::LinkConfig;
@@ -20,6 +20,7 @@ pub(crate) enum Job {
     Pass(Ticket, PassOrder),
     Debug(Ticket, DebugOrder),
     Point(Ticket, PointOrder),
+    Alarms(Ticket, AlarmOrder),
 }
 
 impl Job {
@@ -196,6 +197,16 @@ impl Client {
     /// The blocks that were put aside.
     pub(crate) fn take_staged(&mut self) -> Vec<(BlockId, Box<[u8]>)> {
         std::mem::take(&mut self.staged)
+    }
+
+    /// Whether it may order this of the alarms: to ask, everybody may.
+    pub(crate) fn may_order(&self, order: &AlarmOrder) -> Result<(), Refusal> {
+        match order {
+            AlarmOrder::Query(_) => Ok(()),
+            _ if self.right < Right::Write => Err(Refusal::Right),
+            _ if order.len() > ALARM_ORDERS => Err(Refusal::Full),
+            _ => Ok(()),
+        }
     }
 
     /// Whether it may operate.

@@ -7,16 +7,19 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use ob1_access::door::{
-    Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
+    ALARM_PART, Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION,
+    Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{
-    Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob, Returned, SUMS_AT, TooMuch, Window,
+    AlarmJob, Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob, Returned, SUMS_AT, TooMuch,
+    Window,
 };
 use ob1_log::Limit;
 use ob1_model::{DebugOrder, PASS_WAIT, Pass, Point, PointItem, PointOrder};
 use ob1_time::{Instant, Span};
 
+use crate::alarms::Logons;
 use crate::client::{Clients, Job};
 use crate::connection::Connection;
 use crate::{Facts, LinkConfig};
@@ -79,6 +82,7 @@ enum Kind {
     List,
     Pass,
     Debug,
+    Alarms,
     /// For each item of the client: whether it is allowed. The others were not handed over.
     Point(Vec<bool>),
 }
@@ -113,6 +117,8 @@ pub(crate) struct Joint {
     pub(crate) connections: Vec<LinkConnection>,
     /// Events up to this number have been sent; none are wanted otherwise.
     pub(crate) events_after: Option<u64>,
+    /// Its displays.
+    pub(crate) logons: Logons,
     /// The generation that was watched, until its first snapshot is there.
     awaited: Option<u64>,
     /// A list that found no room in the ring.
@@ -149,6 +155,7 @@ impl Joint {
             up: false,
             connections: Vec::new(),
             events_after: None,
+            logons: Logons::default(),
             awaited: None,
             postponed: None,
             generation: 0,
@@ -213,6 +220,7 @@ impl Joint {
     pub(crate) fn disconnect(&mut self) {
         self.connection = None;
         self.clients.clear();
+        self.logons.process_gone();
         self.connections.clear();
         self.forget(|_| true);
         (self.up, self.events_after, self.awaited, self.postponed) = (false, None, None, None);
@@ -228,6 +236,17 @@ impl Joint {
     }
 
     pub(crate) fn answer(&mut self, client: u32, ticket: Ticket, answer: Answer) {
+        if let Answer::Alarms { after, list, .. } = &answer
+            && list.len() > ALARM_PART
+        {
+            let parts = list.chunks(ALARM_PART);
+            let count = parts.len();
+            for (index, part) in parts.enumerate() {
+                let answer = Answer::Alarms { last: index + 1 == count, after: *after, list: part.to_vec() };
+                self.say(&ToLink::News(News::Answer { client, ticket, answer }));
+            }
+            return;
+        }
         let Answer::Document { bytes, .. } = answer else {
             return self.say(&ToLink::News(News::Answer { client, ticket, answer }));
         };
@@ -300,6 +319,11 @@ impl Joint {
                     let full = self.link.list(Listing::new(number, list, index)).is_err();
                     (ticket, Kind::List, full.then_some(Job::List(ticket, list, index)))
                 }
+                Job::Alarms(ticket, order) => {
+                    // The order has been held to its bounds.
+                    let Ok(job) = AlarmJob::new(number, order.clone()) else { continue };
+                    (ticket, Kind::Alarms, self.link.alarms(job).is_err().then_some(Job::Alarms(ticket, order)))
+                }
                 Job::Pass(ticket, order) => {
                     give_up = give_up.saturating_add(Span::from_nanos(order.wait.min(PASS_WAIT)));
                     let full = self.link.pass(PassJob::new(number, order)).is_err();
@@ -358,6 +382,15 @@ impl Joint {
                             Answer::Szl { record, bytes }
                         }
                         Err(error) => Answer::NoSzl(error.code()),
+                    };
+                    self.answer(out.client, out.ticket, answer);
+                }
+                Returned::Alarms(job) => {
+                    let Some(out) = self.done(job.id()) else { continue };
+                    let (list, after) = job.list();
+                    let answer = match job.found() {
+                        Some(found) => Answer::Ordered(found.to_vec()),
+                        None => Answer::Alarms { last: true, after, list: list.to_vec() },
                     };
                     self.answer(out.client, out.ticket, answer);
                 }
@@ -443,6 +476,7 @@ impl Joint {
     /// A client is gone: its answers are dropped.
     pub(crate) fn client_gone(&mut self, number: u32) {
         self.clients.gone(number);
+        self.logons.gone(number);
         self.forget(|client| client == number);
     }
 

@@ -10,6 +10,7 @@
 //! [`Broker::step`] does everything that can be done now and never waits, so that tests run it in virtual time
 //! beside a CPU; [`Broker::start`] gives it its thread.
 
+mod alarms;
 mod broker;
 mod client;
 mod connection;
@@ -20,6 +21,7 @@ mod joint;
 mod logins;
 mod port;
 mod rights;
+mod telling;
 mod thread;
 
 pub use broker::Broker;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ob1_model::Event;
 use ob1_time::Instant;
 
+use crate::alarms::AlarmClient;
 use crate::cells;
 use crate::context::Blocks;
 use crate::engine::{Engine, Plan};
@@ -23,6 +24,7 @@ pub struct Cpu {
     pub(crate) blocks: Blocks,
     pub(crate) exchange: Exchange,
     client: Option<AccessClient>,
+    alarms: Option<AlarmClient>,
     log: Option<LogReader>,
     pub(crate) state: OperatingState,
     /// When the running or next cycle was or is due.
@@ -45,12 +47,19 @@ impl std::fmt::Debug for Cpu {
 }
 
 impl Cpu {
-    pub(crate) fn assemble(machine: Machine, blocks: Blocks, client: AccessClient, log: LogReader) -> Self {
+    pub(crate) fn assemble(
+        machine: Machine,
+        blocks: Blocks,
+        ends: (AccessClient, AlarmClient),
+        log: LogReader,
+    ) -> Self {
+        let (client, alarms) = ends;
         Self {
             machine,
             blocks,
             exchange: Exchange::default(),
             client: Some(client),
+            alarms: Some(alarms),
             log: Some(log),
             state: OperatingState::Stop,
             due: Instant::START,
@@ -65,6 +74,11 @@ impl Cpu {
     /// The client end of the access port; there is one.
     pub fn access_client(&mut self) -> Option<AccessClient> {
         self.client.take()
+    }
+
+    /// The end of the alarms for the broker; there is one.
+    pub fn alarm_client(&mut self) -> Option<AlarmClient> {
+        self.alarms.take()
     }
 
     /// A link that reads and writes at the cycle control point, and the window its snapshots go to; there are

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ob1_model::{Cell, Frame, Head, PASS_JOBS, POINT_JOBS, Piece, WRITE_BYTES, Width, fits_a_share};
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use crate::alarms::AlarmJob;
 use crate::cells;
 use crate::holding::DebugJob;
 use crate::machine::Machine;
@@ -157,6 +158,7 @@ enum Order {
     Pass(Box<PassJob>),
     Debug(Box<DebugJob>),
     Point(Box<PointJob>),
+    Alarms(Box<AlarmJob>),
     /// Nobody waits for the job with this number any more.
     Forget(u64),
 }
@@ -168,6 +170,7 @@ pub(crate) enum Back {
     Pass(Box<PassJob>),
     Debug(Box<DebugJob>),
     Point(Box<PointJob>),
+    Alarms(Box<AlarmJob>),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
@@ -185,6 +188,8 @@ pub enum Returned {
     Debug(Box<DebugJob>),
     /// What was read and written at a point of the cycle.
     Point(Box<PointJob>),
+    /// What a display has asked about alarms.
+    Alarms(Box<AlarmJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -281,6 +286,14 @@ impl Link {
         self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
 
+    /// Asks about alarms; it comes back with [`Link::take`].
+    ///
+    /// # Errors
+    /// [`TooMuch::UnderWay`]: the ring of orders is full.
+    pub fn alarms(&mut self, job: AlarmJob) -> Result<(), TooMuch> {
+        self.orders.push(Order::Alarms(Box::new(job))).map_err(|_| TooMuch::UnderWay)
+    }
+
     /// The next thing that has come back.
     pub fn take(&mut self) -> Option<Returned> {
         loop {
@@ -290,6 +303,7 @@ impl Link {
                 Back::Pass(job) => return Some(Returned::Pass(job)),
                 Back::Debug(job) => return Some(Returned::Debug(job)),
                 Back::Point(job) => return Some(Returned::Point(job)),
+                Back::Alarms(job) => return Some(Returned::Alarms(job)),
                 Back::OldWatch(_) => {}
             }
         }
@@ -347,6 +361,7 @@ impl Exchange {
     /// The cycle control point: writes, then the snapshots, then the answers.
     pub(crate) fn serve(&mut self, m: &mut Machine, state: OperatingState) {
         self.scan += 1;
+        m.alarms.control_point();
         self.writes(m, state);
         for end in &mut self.ends {
             end.snapshot(m, self.scan, state);
@@ -391,7 +406,7 @@ impl End {
             match self.orders.peek() {
                 Ok(Order::Group(group)) if group.bytes > *left => return false,
                 // One list per call: each takes time.
-                Ok(Order::List(_)) if listed => return false,
+                Ok(Order::List(_) | Order::Alarms(_)) if listed => return false,
                 _ => {}
             }
             match self.orders.pop() {
@@ -429,6 +444,12 @@ impl End {
                     if let Some(job) = m.points.take(job) {
                         let _ = self.back.push(Back::Point(job));
                     }
+                }
+                Ok(Order::Alarms(mut job)) => {
+                    let time = m.alarm_time();
+                    job.carry_out(&mut m.alarms, time);
+                    listed = true;
+                    let _ = self.back.push(Back::Alarms(job));
                 }
                 Ok(Order::Forget(id)) => {
                     m.watching.forget(self.place, id);

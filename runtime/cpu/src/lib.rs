@@ -6,6 +6,7 @@
 
 mod access_port;
 mod accounts;
+mod alarms;
 mod arena;
 mod carry;
 mod cells;
@@ -61,6 +62,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
 };
+pub use alarms::{AlarmClient, AlarmJob};
 pub use carry::lost_values;
 pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, MOST_STACK_BYTES, ModuleSlot};
 pub use cpu::Cpu;

@@ -8,6 +8,7 @@ use ob1_time::{Instant, Span};
 
 use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
+use crate::alarms::Alarms;
 use crate::context::Blocks;
 use crate::engine::{
     Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
@@ -184,6 +185,7 @@ impl Cpu {
             attention: attention.clone(),
         };
         let (port, client) = AccessPort::new(config.port_capacity);
+        let (alarms, alarm_client) = Alarms::new();
         let (log, reader) = LogWriter::new();
         let wall = Wall::new(config.date_at_start);
         let machine = Machine {
@@ -216,6 +218,7 @@ impl Cpu {
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(&accounts),
             trace: Trace::new(accounts),
+            alarms,
             services: ServiceState::new(|ob| blocks.ob(ob).is_some()),
             cycle_start: Instant::START,
             stopped_at: Instant::START,
@@ -235,7 +238,7 @@ impl Cpu {
             force: Force::default(),
             config,
         };
-        Ok(Cpu::assemble(machine, blocks, client, reader))
+        Ok(Cpu::assemble(machine, blocks, (client, alarm_client), reader))
     }
 }
 

@@ -8,6 +8,7 @@ use ob1_time::{Instant, Span};
 
 use crate::access_port::AccessPort;
 use crate::accounts::Trace;
+use crate::alarms::Alarms;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
 use crate::force::Force;
 use crate::holding::{Debugging, Follower};
@@ -120,6 +121,7 @@ pub(crate) struct Machine {
     pub(crate) interrupts: Interrupts,
     pub(crate) obs: ObRecords,
     pub(crate) services: ServiceState,
+    pub(crate) alarms: Alarms,
     /// When the running cycle began.
     pub(crate) cycle_start: Instant,
     /// When it went to STOP.

@@ -1,11 +1,7 @@
-//! Messages of the program: user entries of the diagnostic buffer (SFC 52) and block-related messages (SFC 17 to
-//! 19, 105 to 108).
-//!
-//! There are no display devices that could log on: a block-related message goes to the log, and SFC 17's and 107's are
-//! acknowledged at once.
+//! Messages of the program: user entries of the diagnostic buffer (SFC 52), and the alarms.
 
-use ob1_model::Event;
-use ob1_std::services::{Alarm, AlarmError, InUse, MessageError, Messages};
+use ob1_model::{AlarmTime, Displays, Event};
+use ob1_std::services::{AlarmTable, MessageError, Messages};
 
 use crate::machine::Machine;
 use crate::{LOG_TEXT, ShortText};
@@ -42,32 +38,34 @@ impl Line {
     }
 }
 
+impl Machine {
+    /// The time of what happens to an alarm now.
+    pub(crate) fn alarm_time(&self) -> AlarmTime {
+        AlarmTime { nanos: self.real().nanos(), wall: self.wall.bytes(self.hot.now) }
+    }
+}
+
 impl Messages for Machine {
     fn user_message(&mut self, event: u16, info1: &[u8], info2: &[u8], send: bool) -> Result<(), MessageError> {
         let mut text = Line::new();
         text.text("INFO1 ").hex(info1).text(", INFO2 ").hex(info2);
         let word = info1.iter().take(2).fold(0, |word, byte| word << 8 | u32::from(*byte));
         self.enter(Event(event), None, word, ShortText::new(text.as_str()));
-        if send { Err(MessageError::NoStation) } else { Ok(()) }
+        // Whoever has logged on gets every entry of the buffer.
+        let logged_on = self.alarms.table.displays().want(Displays::DIAGNOSIS);
+        if send && !logged_on { Err(MessageError::NoStation) } else { Ok(()) }
     }
 
-    fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        self.services.signals.change(alarm)?;
-        let mut text = Line::new();
-        text.text("message ").hex(&alarm.id.to_be_bytes()).text(if alarm.signal { " came" } else { " went" });
-        if !alarm.value.is_empty() {
-            text.text(", value ").hex(alarm.value);
-        }
-        self.log(if alarm.acknowledge { 2 } else { 3 }, text.as_str());
-        Ok(())
+    fn alarms(&mut self) -> &mut AlarmTable {
+        &mut self.alarms.table
     }
 
-    fn in_use(&mut self, each: &mut dyn FnMut(InUse)) {
-        self.services.signals.in_use().iter().copied().for_each(each);
+    fn alarm_time(&mut self) -> AlarmTime {
+        Machine::alarm_time(self)
     }
 
-    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
-        self.services.signals.release(which);
+    fn send_alarms(&mut self) {
+        self.alarms.send();
     }
 }
 

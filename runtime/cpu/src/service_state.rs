@@ -1,13 +1,8 @@
-//! What the services of the standard blocks keep: masks, locks, interrupts by time, meters, signals of messages.
+//! What the services of the standard blocks keep: masks, locks, interrupts by time, meters.
 
 use ob1_model::moment::Moment;
-use ob1_std::services::{
-    Alarm, AlarmError, DelayInterrupt, ErrorFilter, InUse, InterruptLocks, RunTimeMeter, TimeOfDayInterrupt,
-};
+use ob1_std::services::{DelayInterrupt, ErrorFilter, InterruptLocks, RunTimeMeter, TimeOfDayInterrupt};
 use ob1_time::Instant;
-
-/// Message numbers that can be in use at one time.
-const NUMBERS: usize = 64;
 
 /// What the CPU keeps of a time-of-day interrupt besides what is set.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,8 +28,6 @@ pub(crate) struct ServiceState {
     pub(crate) meters: [RunTimeMeter; 8],
     /// Start information of the last start-up OB.
     pub(crate) start_up: [u8; 20],
-    /// Signals of block-related messages.
-    pub(crate) signals: Signals,
     /// A block has used a service that can change due times.
     pub(crate) touched: bool,
 }
@@ -53,7 +46,6 @@ impl ServiceState {
             delays: std::array::from_fn(|i| DelayInterrupt { loaded: loaded(20 + i as u16), ..Default::default() }),
             meters: [RunTimeMeter::default(); 8],
             start_up: [0; 20],
-            signals: Signals::default(),
             touched: false,
         }
     }
@@ -76,95 +68,11 @@ impl ServiceState {
         (self.courses, self.skipped) = ([Course::default(); 8], 0);
         self.delays.iter_mut().for_each(|i| i.due = None);
         self.touched = false;
-        self.signals = Signals::default();
     }
 
     /// The CPU was in STOP between two times. A hot restart continues the run-time meters, the other ones leave them to
     /// the program.
     pub(crate) fn meters_stood(&mut self, from: Instant, to: Instant, hot: bool) {
         self.meters.iter_mut().for_each(|meter| meter.stood(from, to, hot));
-    }
-}
-
-/// The message numbers seen, with their signals.
-#[derive(Debug)]
-pub(crate) struct Signals {
-    list: [InUse; NUMBERS],
-    used: usize,
-}
-
-impl Default for Signals {
-    fn default() -> Self {
-        Self { list: [InUse::default(); NUMBERS], used: 0 }
-    }
-}
-
-impl Signals {
-    /// Notes the signal of a number. A number whose signal has gone makes room when another needs it.
-    pub(crate) fn change(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        // With nobody logged on, a message that waits for an acknowledgement has it at once.
-        let Alarm { sfc, id, component, signal, acknowledge: acknowledged, .. } = alarm;
-        if let Some(known) = self.list[..self.used].iter_mut().find(|known| known.id == id) {
-            if known.signal == signal {
-                return Err(AlarmError::NoChange);
-            }
-            (known.signal, known.acknowledged) = (signal, acknowledged);
-            return Ok(());
-        }
-        if !signal {
-            return Err(AlarmError::FirstIsZero);
-        }
-        let place = match self.list[..self.used].iter().position(|number| !number.signal) {
-            _ if self.used < NUMBERS => {
-                self.used += 1;
-                self.used - 1
-            }
-            Some(gone) => gone,
-            None => return Err(AlarmError::NoResources),
-        };
-        self.list[place] = InUse { sfc, id, component, signal, acknowledged };
-        Ok(())
-    }
-
-    /// The numbers that have a place.
-    pub(crate) fn in_use(&self) -> &[InUse] {
-        &self.list[..self.used]
-    }
-
-    /// Sets numbers free for which `which` is true.
-    pub(crate) fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
-        let mut at = 0;
-        while at < self.used {
-            if which(self.list[at]) {
-                self.used -= 1;
-                self.list[at] = self.list[self.used];
-            } else {
-                at += 1;
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn signals_change_and_make_room() {
-        let mut signals = Signals::default();
-        let alarm = |id, signal| Alarm { sfc: 108, id, component: id % 2, signal, acknowledge: false, value: &[] };
-        assert_eq!(signals.change(alarm(1, false)), Err(AlarmError::FirstIsZero));
-        for id in 1..=NUMBERS as u32 {
-            assert_eq!(signals.change(alarm(id, true)), Ok(()));
-        }
-        assert_eq!(signals.change(alarm(1, true)), Err(AlarmError::NoChange));
-        assert_eq!(signals.change(alarm(1000, true)), Err(AlarmError::NoResources));
-        assert_eq!(signals.change(alarm(7, false)), Ok(()));
-        assert_eq!(signals.change(alarm(1000, true)), Ok(()));
-        assert_eq!(signals.change(alarm(7, false)), Err(AlarmError::FirstIsZero), "its place is another's");
-        signals.release(&|number| number.component == 0);
-        assert_eq!(signals.used, NUMBERS / 2 - 1);
-        assert!(signals.list[..signals.used].iter().all(|number| number.id % 2 == 1));
-        assert_eq!(signals.change(alarm(2, true)), Ok(()), "set free, so it is a new one");
     }
 }

@@ -115,6 +115,10 @@ impl Cpu {
         for native in &self.blocks.natives {
             native.block.reset();
         }
+        let m = &mut self.machine;
+        let time = m.alarm_time();
+        m.alarms.table.restart(kind == Start::Cold, time);
+        m.alarms.send();
     }
 
     /// The stacks of an aborted run are empty, nothing waits.

@@ -114,6 +114,10 @@ impl Context for Bridge<'_> {
         self.cx.area_write(NativeArea::Instance, at, from).map_err(refused)
     }
 
+    fn instance_place(&mut self) -> (u16, u32) {
+        self.cx.instance().map_or((0, 0), |instance| (instance.db, instance.offset))
+    }
+
     fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused> {
         match self.area(area, db) {
             Some(area) => self.cx.area_read(area, at, into).map_err(refused),

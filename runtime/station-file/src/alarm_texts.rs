@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use ob1_access::alarm_text::Template;
+use ob1_access::alarms::{AlarmText, AlarmTexts};
 use ob1_stl::Source;
 
 use crate::finding::{Finding, Level, Spot, Text, nearest};
@@ -24,75 +25,35 @@ const NOT_CLOSED: (&str, &str) = ("a quote is not closed, or something stands be
 /// The largest table that is read, in bytes.
 const LONGEST: u64 = 16 << 20;
 
-/// What a message number, or one signal of it, means.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct AlarmText {
-    /// The text, with its places for values.
-    pub text: Template,
-    /// What the operator should know besides.
-    pub info: Template,
-    /// The class of the alarm, in the words of the plant; may be empty.
-    pub class: String,
-    /// From 0; higher is more urgent.
-    pub priority: u8,
+/// Reads a table that a station file names at `place`.
+///
+/// # Errors
+/// All findings: an unreadable file, or every mistake in it.
+pub fn load(path: &Path, place: &Spot) -> Result<AlarmTexts, Vec<Finding>> {
+    let name = path.display().to_string();
+    match ob1_files::read(path, LONGEST) {
+        Ok(bytes) => parse(&Source::new(name.as_str(), bytes).text(), &name),
+        Err(error) => Err(vec![unreadable(place, path, &error)]),
+    }
 }
 
-/// The texts of all alarms.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct AlarmTexts {
-    /// By number and signal; signal 0 means every signal that has no line of its own.
-    rows: BTreeMap<(u32, u8), AlarmText>,
-}
-
-impl AlarmTexts {
-    /// Reads a table that a station file names at `place`.
-    ///
-    /// # Errors
-    /// All findings: an unreadable file, or every mistake in it.
-    pub fn load(path: &Path, place: &Spot) -> Result<Self, Vec<Finding>> {
-        let name = path.display().to_string();
-        match ob1_files::read(path, LONGEST) {
-            Ok(bytes) => Self::parse(&Source::new(name.as_str(), bytes).text(), &name),
-            Err(error) => Err(vec![unreadable(place, path, &error)]),
-        }
+/// Reads the text of a table.
+///
+/// # Errors
+/// All findings: every mistake in the text.
+pub fn parse(text: &str, name: &str) -> Result<AlarmTexts, Vec<Finding>> {
+    let mut table = Table { source: Text { file: name, text }, found: Vec::new(), first: BTreeMap::new() };
+    let mut rows = BTreeMap::new();
+    let mut lines = lines(text);
+    let Some(first) = lines.next() else {
+        let remedy = format!("the first line names the columns: {}", COLUMNS.join(", "));
+        return Err(vec![Finding::whole(Level::Error, ALARM_TEXTS, name, "the table is empty", remedy)]);
+    };
+    let Some((separator, columns)) = table.columns(&first) else { return Err(table.found) };
+    for line in lines {
+        table.row(&line, separator, &columns, &mut rows);
     }
-
-    /// Reads the text of a table.
-    ///
-    /// # Errors
-    /// All findings: every mistake in the text.
-    pub fn parse(text: &str, name: &str) -> Result<Self, Vec<Finding>> {
-        let mut table = Table { source: Text { file: name, text }, found: Vec::new(), first: BTreeMap::new() };
-        let mut rows = BTreeMap::new();
-        let mut lines = lines(text);
-        let Some(first) = lines.next() else {
-            let remedy = format!("the first line names the columns: {}", COLUMNS.join(", "));
-            return Err(vec![Finding::whole(Level::Error, ALARM_TEXTS, name, "the table is empty", remedy)]);
-        };
-        let Some((separator, columns)) = table.columns(&first) else { return Err(table.found) };
-        for line in lines {
-            table.row(&line, separator, &columns, &mut rows);
-        }
-        if table.found.is_empty() { Ok(Self { rows }) } else { Err(table.found) }
-    }
-
-    /// The text of a signal, from 1.
-    #[must_use]
-    pub fn of(&self, number: u32, signal: u8) -> Option<&AlarmText> {
-        self.rows.get(&(number, signal)).or_else(|| self.rows.get(&(number, 0)))
-    }
-
-    /// How many lines there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// Whether there is no text.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
+    if table.found.is_empty() { Ok(AlarmTexts::new(rows)) } else { Err(table.found) }
 }
 
 /// The lines that say something, with their places in bytes.
@@ -315,7 +276,7 @@ mod tests {
                      \n\
                      DW#16#6000_0002;1;\"Level; \"\"low\"\"\";;warning;\n\
                      16#60000002;;level\n";
-        let texts = AlarmTexts::parse(table, "alarms.csv").expect("no mistakes");
+        let texts = parse(table, "alarms.csv").expect("no mistakes");
         assert_eq!(texts.len(), 3);
         assert_eq!(text(&texts, 1, 1, &[0, 7]), Some("Pump 1: 7 bar".into()));
         let first = texts.of(1, 5).expect("for all signals");
@@ -326,7 +287,7 @@ mod tests {
         assert_eq!(text(&texts, 3, 1, &[]), None);
         // Other separators, columns in another order.
         for table in ["text,number\nPump,1\n", "Text\tNumber\nPump\t1"] {
-            assert_eq!(text(&AlarmTexts::parse(table, "a").expect("no mistakes"), 1, 1, &[]), Some("Pump".into()));
+            assert_eq!(text(&parse(table, "a").expect("no mistakes"), 1, 1, &[]), Some("Pump".into()));
         }
     }
 
@@ -350,13 +311,13 @@ mod tests {
             ("number;text\n1;a\n\n1;b\n", 4, 1, "is in line 2, too"),
             ("text;number\nonly\n", 2, 1, "has no message number"),
         ] {
-            let found = AlarmTexts::parse(table, "alarms.csv").expect_err(table);
+            let found = parse(table, "alarms.csv").expect_err(table);
             let told: Vec<_> = found.iter().map(|one| (one.line, one.column, one.message.as_str())).collect();
             assert!(told.len() == 1 && (told[0].0, told[0].1) == (line, column), "{table:?}: {told:?}");
             assert!(told[0].2.contains(message) && !found[0].remedy.is_empty(), "{table:?}: {told:?}");
             assert_eq!(found[0].code, ALARM_TEXTS);
         }
-        let two = AlarmTexts::parse("number;text\n0;a\n1;@1@\n", "alarms.csv").expect_err("two mistakes");
+        let two = parse("number;text\n0;a\n1;@1@\n", "alarms.csv").expect_err("two mistakes");
         assert_eq!(two.iter().map(|one| one.line).collect::<Vec<u32>>(), [2, 3]);
     }
 }

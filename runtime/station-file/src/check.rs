@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ob1_access::alarms::AlarmTexts;
 use ob1_cpu::{AccountsConfig, CpuConfig, Family, ImageErrors, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 use ob1_time::Span;
@@ -14,7 +15,6 @@ use super::types::{Plugin, Realtime, Station};
 use super::values::{choice, name, number, place, places, time};
 use super::{connection, interrupts, link, modules, retentive, simulated};
 use crate::EngineChoice;
-use crate::alarm_texts::AlarmTexts;
 use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
 use crate::sources::{Mnemonics, Sources};

@@ -69,7 +69,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let file = tables(source)?;
     let (mut station, mut warnings) = check::check(&file, source, folder)?;
     if let Some((path, place)) = &station.alarms {
-        station.alarm_texts = alarm_texts::AlarmTexts::load(path, place)?;
+        station.alarm_texts = alarm_texts::load(path, place)?;
     }
     warnings.extend(devices::not_ready(&file, source, folder, devices::state));
     warnings.extend(coupler::unwatched(&file, source));

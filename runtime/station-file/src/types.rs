@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use ob1_access::alarms::AlarmTexts;
 use ob1_coupler::BusConfig;
 use ob1_cpu::CpuConfig;
 use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
@@ -12,7 +13,6 @@ use ob1_time::Span;
 use super::line::Line;
 use crate::EngineChoice;
 use crate::RetentiveFile;
-use crate::alarm_texts::AlarmTexts;
 use crate::finding::Spot;
 use crate::sources::Sources;
 

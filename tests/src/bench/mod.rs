@@ -4,6 +4,7 @@
 //! the median of the rounds is printed with the ratio of the medians.
 
 pub mod access;
+pub mod alarms;
 pub mod backplane;
 pub mod causes;
 pub mod compile;

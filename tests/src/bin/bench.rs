@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    access, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code, memory, s7,
-    scan, stl, wake, watch,
+    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code,
+    memory, s7, scan, stl, wake, watch,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -19,6 +19,7 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
          s7 [--rounds N] [--seconds S]: the S7 link beside a bare TCP echo and snap7's server (installed into .venv), and the
          scan with 64 clients beside it; N (9) rounds, three looks of S (6) seconds at the scan in each: 4 minutes
+         alarms: a scan that makes messages, and the broker that tells four displays, beside the same without
          watch: a scan of 100,000 statements with program status, beside the same without: a minute
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
          io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
@@ -37,10 +38,8 @@ fn main() -> ExitCode {
         ["engines"] => engines::measure(),
         ["disturb", ref words @ ..] => disturbed(words),
         ["s7", ref words @ ..] => s7_link(words),
-        ["watch"] => watch::measure().map(|figures| {
-            figures.iter().for_each(|figure| println!("{}", figure.line()));
-            figures.iter().all(|figure| figure.aim.1)
-        }),
+        ["watch"] => watch::measure().map(|figures| shown(&figures)),
+        ["alarms"] => alarms::measure().map(|figures| shown(&figures)),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
         ["io"] => remote(10),
@@ -67,6 +66,12 @@ fn main() -> ExitCode {
     }
 }
 
+/// Prints figures; whether every aim was met.
+fn shown(figures: &[Figure]) -> bool {
+    figures.iter().for_each(|figure| println!("{}", figure.line()));
+    figures.iter().all(|figure| figure.aim.1)
+}
+
 /// `kill-runtime [--kills N]`.
 fn killed(kills: usize) -> Result<bool, Failure> {
     let ob1 = std::env::current_exe()?.with_file_name("ob1");
@@ -77,9 +82,7 @@ fn killed(kills: usize) -> Result<bool, Failure> {
 
 /// `io [--seconds S]`.
 fn remote(seconds: u64) -> Result<bool, Failure> {
-    let figures = io::measure(seconds)?;
-    figures.iter().for_each(|figure| println!("{}", figure.line()));
-    Ok(figures.iter().all(|figure| figure.aim.1))
+    Ok(shown(&io::measure(seconds)?))
 }
 
 /// `causes [--seconds S]`.

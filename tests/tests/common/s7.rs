@@ -6,6 +6,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use serde_json::{Value, json};
 
+use super::processes::Watched;
 use super::site::Site;
 use super::station::{Running, counting};
 use super::{checkout, python};
@@ -49,6 +50,24 @@ pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16) {
     let station = site.run("station.toml").until_run();
     station.until("the link listens", |_| TcpStream::connect(("127.0.0.1", port)).ok());
     (station, port)
+}
+
+/// The process of the link.
+pub(crate) fn link_of(station: &Running) -> Watched {
+    station.until("the process of the link", |station| {
+        let task = format!("/proc/{0}/task/{0}/children", station.process.pid);
+        let all = std::fs::read_to_string(task).unwrap_or_default();
+        // It may have been started by any thread.
+        let threads = std::fs::read_dir(format!("/proc/{}/task", station.process.pid)).ok()?;
+        let more = threads.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
+        let children: Vec<u32> = std::iter::once(all)
+            .chain(more)
+            .flat_map(|text| text.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<u32>>())
+            .collect();
+        let is_link =
+            |pid: &u32| std::fs::read_to_string(format!("/proc/{pid}/comm")).is_ok_and(|name| name.trim() == "ob1-s7");
+        children.into_iter().find(is_link).and_then(Watched::find)
+    })
 }
 
 /// A running client: one line as request, one line as answer.

@@ -37,6 +37,7 @@ mod remote_io;
 mod rk512;
 mod s7;
 mod s7_400;
+mod s7_alarms;
 mod s7_download;
 mod s7_judge;
 mod s7_recordings;

@@ -12,7 +12,7 @@ use ob1_tests::siege::{mutate, rounds};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
 use crate::common::processes::Watched;
-use crate::common::s7::{free_port, station};
+use crate::common::s7::{free_port, link_of, station};
 use crate::common::site::Site;
 use crate::common::station::{Running, counting};
 
@@ -27,24 +27,6 @@ fn until_served(station: &Running, port: u16, what: &str) -> Raw {
     station.until(what, |_| {
         let mut raw = Raw::open(port).ok()?;
         works(&mut raw).is_ok_and(|works| works).then_some(raw)
-    })
-}
-
-/// The process of the link.
-fn link_of(station: &Running) -> Watched {
-    station.until("the process of the link", |station| {
-        let task = format!("/proc/{0}/task/{0}/children", station.process.pid);
-        let all = std::fs::read_to_string(task).unwrap_or_default();
-        // It may have been started by any thread.
-        let threads = std::fs::read_dir(format!("/proc/{}/task", station.process.pid)).ok()?;
-        let more = threads.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
-        let children: Vec<u32> = std::iter::once(all)
-            .chain(more)
-            .flat_map(|text| text.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<u32>>())
-            .collect();
-        let is_link =
-            |pid: &u32| std::fs::read_to_string(format!("/proc/{pid}/comm")).is_ok_and(|name| name.trim() == "ob1-s7");
-        children.into_iter().find(is_link).and_then(Watched::find)
     })
 }
 

@@ -1,8 +1,9 @@
 //! Services that the CPU provides in its own way.
 
+use ob1_model::AlarmTime;
 use ob1_model::moment::Moment;
 
-use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
+use crate::services::{AlarmTable, DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 
 /// The CPU's clock of date and time.
 pub trait WallClock {
@@ -247,53 +248,6 @@ pub trait Rack {
     fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace>;
 }
 
-/// An alarm message of SFC 17, 18, 107 or 108.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Alarm<'a> {
-    /// The function that sends it.
-    pub sfc: u16,
-    /// The message number: EV_ID.
-    pub id: u32,
-    /// The part of the plant it belongs to (CMP_ID of SFC 107 and 108); 0 with SFC 17 and 18.
-    pub component: u32,
-    /// The signal: came or went.
-    pub signal: bool,
-    /// SFC 17 and 107: it wants an acknowledgement.
-    pub acknowledge: bool,
-    /// The associated value, as bytes.
-    pub value: &'a [u8],
-}
-
-/// A message number in use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct InUse {
-    /// The function that took it.
-    pub sfc: u16,
-    /// The message number: EV_ID.
-    pub id: u32,
-    /// The part of the plant.
-    pub component: u32,
-    /// The signal of the last message: it came (true) or went.
-    pub signal: bool,
-    /// The last message is acknowledged.
-    pub acknowledged: bool,
-}
-
-/// Why an alarm message was not sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AlarmError {
-    /// No resources left: the message is lost.
-    NoResources,
-    /// The same change waits to be sent already.
-    Waiting,
-    /// The signal has not changed.
-    NoChange,
-    /// Nobody is logged on for this number.
-    NoLogon,
-    /// The first call for this number came with signal 0.
-    FirstIsZero,
-}
-
 /// Why a user message was not sent to a station. The entry is in the diagnostic buffer nevertheless.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageError {
@@ -311,15 +265,12 @@ pub trait Messages {
     /// # Errors
     /// The entry is made, but not sent.
     fn user_message(&mut self, event: u16, info1: &[u8], info2: &[u8], send: bool) -> Result<(), MessageError>;
-    /// Sends an alarm message when its signal has changed since the last call with its number.
-    ///
-    /// # Errors
-    /// [`AlarmError`]: nothing was sent, because the signal has not changed, nobody is logged on, or no room is left.
-    fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError>;
-    /// Gives every message number in use to `each`.
-    fn in_use(&mut self, each: &mut dyn FnMut(InUse));
-    /// Sets message numbers free: those for which `which` is true.
-    fn release(&mut self, which: &dyn Fn(InUse) -> bool);
+    /// The alarms.
+    fn alarms(&mut self) -> &mut AlarmTable;
+    /// The time of a message that is made now.
+    fn alarm_time(&mut self) -> AlarmTime;
+    /// Hands over what waits in the table, as far as there is room.
+    fn send_alarms(&mut self);
 }
 
 /// Start information as in the local data of an OB: 12 bytes without the time stamp.

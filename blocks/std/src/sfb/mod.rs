@@ -1,5 +1,7 @@
-//! System function blocks: IEC counters and timers, also with the instances of TIA Portal, the drum, records.
+//! System function blocks: IEC counters and timers, also with the instances of TIA Portal, the drum, records,
+//! alarms.
 
+mod alarms;
 mod counters;
 mod drum;
 mod records;
@@ -8,4 +10,4 @@ mod timers;
 
 use crate::row::Row;
 
-pub(crate) const ROWS: &[&[Row]] = &[counters::ROWS, timers::ROWS, tia::ROWS, drum::ROWS, records::ROWS];
+pub(crate) const ROWS: &[&[Row]] = &[counters::ROWS, timers::ROWS, tia::ROWS, drum::ROWS, alarms::ROWS, records::ROWS];

@@ -1,6 +1,7 @@
 //! System functions.
 
 mod addresses;
+mod alarms;
 mod bits;
 mod clock;
 mod copying;
@@ -26,6 +27,7 @@ pub(crate) const ROWS: &[&[Row]] = &[
     parameters::ROWS,
     addresses::ROWS,
     partners::ROWS,
+    alarms::ROWS,
     messages::ROWS,
     copying::ROWS,
     data_blocks::ROWS,

@@ -1,15 +1,15 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
 use ob1_model::{
-    BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, Forced, OperatingState as State, Pass,
-    PassOrder, Piece, PointOrder, Put,
+    AlarmEvent, AlarmNow, AlarmOrder, BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, Displays,
+    Forced, OperatingState as State, Pass, PassOrder, Piece, PointOrder, Put,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 8;
+pub const VERSION: u16 = 9;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
@@ -20,6 +20,11 @@ pub const STAGED_BYTES: usize = 1024 * 1024;
 pub const OUTSTANDING: usize = 8;
 /// Maximum of unanswered passes and points per client: they may wait for long, and do not count as the others do.
 pub const ARMED: usize = 32;
+
+/// Alarms of one part of [`Answer::Alarms`].
+pub const ALARM_PART: usize = 128;
+/// Changes of alarms that a client gets before it has said of the first that it is handed out.
+pub const ALARM_CHANGES: usize = 64;
 
 /// Returned with the answer.
 pub type Ticket = u64;
@@ -94,6 +99,18 @@ pub enum Ask {
         /// Bytes from the begin of its code.
         wanted: Vec<u16>,
     },
+    /// The client is a display from now on: it gets the changes of alarms as [`News::Alarm`] until it logs off.
+    /// [`Answer::LoggedOn`]. What it has logged on for before is replaced; nothing logs it off ([`Answer::Done`]).
+    LogOn {
+        /// What it wants to get.
+        displays: Displays,
+        /// Its name. If the process of the link is killed, a display of this name and address continues after the last
+        /// change that was handed to it; without a name it begins anew. The first characters count.
+        name: String,
+    },
+    /// About the alarms: which there are, or (write) acknowledge, lock, unlock. [`Answer::Alarms`] or
+    /// [`Answer::Ordered`].
+    Alarms(AlarmOrder),
 }
 
 /// Places in the machine code of a block.
@@ -172,6 +189,22 @@ pub enum Answer {
     Point(Vec<Result<Box<[u8]>, Refusal>>),
     /// Places in machine code.
     Addresses(Addresses),
+    /// The client is a display: it gets the changes after this one.
+    LoggedOn {
+        /// Number of that change.
+        after: u64,
+    },
+    /// The alarms. They are sent in parts, and `last` marks the last one; [`Door`](super::Door) joins them.
+    Alarms {
+        /// Whether this is the last part.
+        last: bool,
+        /// Number of the last change that they contain.
+        after: u64,
+        /// The alarms of this part.
+        list: Vec<AlarmNow>,
+    },
+    /// For each alarm of an order: whether there is such an alarm.
+    Ordered(Vec<bool>),
 }
 
 /// Why a request was refused.
@@ -386,6 +419,13 @@ pub enum ToBroker {
         /// Address and port of its partner.
         partner: String,
     },
+    /// Changes of alarms up to this one have left the link for this client. More of them come after that.
+    Handed {
+        /// Number of the client.
+        client: u32,
+        /// Number of the change.
+        number: u64,
+    },
 }
 
 /// A message to a link.
@@ -432,6 +472,13 @@ pub enum News {
     },
     /// An event, for a client that asked for them.
     Event(Event),
+    /// A change of an alarm, for a display.
+    Alarm {
+        /// Number of the client that has logged on.
+        client: u32,
+        /// The change.
+        event: Box<AlarmEvent>,
+    },
 }
 
 /// An entry of a group that was refused; then nothing was written. [`Refusal::Silent`] is about the whole group, and

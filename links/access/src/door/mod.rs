@@ -38,13 +38,14 @@ use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::sync::atomic::Ordering;
 
 use ob1_backplane::{SegmentError, WindowReader};
-use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_model::{AlarmNow, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use ob1_socket::handover;
 use thiserror::Error;
 
 pub use messages::{
-    ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING,
-    PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    ALARM_CHANGES, ALARM_PART, ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event,
+    MESSAGE_BYTES, News, OUTSTANDING, PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION,
+    Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;
@@ -108,6 +109,8 @@ pub struct Door {
     buffer: Vec<u8>,
     /// Documents whose last part has not come yet.
     documents: BTreeMap<Ticket, Vec<u8>>,
+    /// Alarms whose last part has not come yet.
+    alarms: BTreeMap<Ticket, Vec<AlarmNow>>,
 }
 
 /// The outcome of one attempt to read.
@@ -141,6 +144,7 @@ impl Door {
             tickets: 0,
             buffer: vec![0; MESSAGE_BYTES],
             documents: BTreeMap::new(),
+            alarms: BTreeMap::new(),
         })
     }
 
@@ -228,6 +232,16 @@ impl Door {
             }
             ToLink::News(News::Answer { client, ticket, answer: Answer::Document { last, bytes } }) => {
                 self.part(client, ticket, last, &bytes);
+            }
+            ToLink::News(News::Answer { client, ticket, answer: Answer::Alarms { last, after, list } }) => {
+                let mut whole = self.alarms.remove(&ticket).unwrap_or_default();
+                whole.extend(list);
+                if last {
+                    let answer = Answer::Alarms { last, after, list: whole };
+                    self.news.push_back(News::Answer { client, ticket, answer });
+                } else {
+                    self.alarms.insert(ticket, whole);
+                }
             }
             ToLink::News(news) => self.news.push_back(news),
         }
@@ -374,6 +388,20 @@ impl Door {
     /// Who a client is: address and port.
     pub fn partner(&mut self, client: u32, partner: String) {
         self.say(&ToBroker::Partner { client, partner });
+    }
+
+    /// Sends what waits, without receiving; [`Door::pump`] does both.
+    ///
+    /// # Errors
+    /// As [`Door::pump`].
+    pub fn flush(&mut self) -> Result<(), DoorError> {
+        self.send()
+    }
+
+    /// Changes of alarms up to this one have left the link for a client: the broker sends it further ones, and does not
+    /// repeat these if the process is killed.
+    pub fn handed(&mut self, client: u32, number: u64) {
+        self.say(&ToBroker::Handed { client, number });
     }
 
     /// A client is gone: its rights and its open requests are dropped.

@@ -1,9 +1,10 @@
 //! The messages as packets.
 
 use ob1_model::{
-    Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd, DebugOrder,
-    Forced, ForcedArea, Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Point,
-    PointItem, PointOrder, Put, Resume, Width,
+    AlarmAck, AlarmChange, AlarmEvent, AlarmKind, AlarmNow, AlarmOrder, AlarmQuery, AlarmState, AlarmTime, AlarmTurn,
+    AlarmValues, Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd,
+    DebugOrder, Displays, Forced, ForcedArea, Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine,
+    PassOrder, Piece, Point, PointItem, PointOrder, Put, Resume, Width,
 };
 
 use super::messages::{
@@ -59,6 +60,57 @@ impl Wire for BlockId {
     }
 }
 
+impl Wire for AlarmValues {
+    fn put(&self, out: &mut Vec<u8>) {
+        (self.count() as u8).put(out);
+        for (ty, value) in self.iter() {
+            ty.put(out);
+            Box::<[u8]>::from(value).put(out);
+        }
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        let mut values = Self::default();
+        for _ in 0..u8::get(bytes)? {
+            let (ty, value) = (u8::get(bytes)?, Box::<[u8]>::get(bytes)?);
+            values.push(ty, &value).then_some(())?;
+        }
+        Some(values)
+    }
+}
+
+impl Wire for Displays {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        u8::get(bytes).map(Self)
+    }
+}
+
+impl Wire for Box<AlarmEvent> {
+    fn put(&self, out: &mut Vec<u8>) {
+        (**self).put(out);
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        AlarmEvent::get(bytes).map(Self::new)
+    }
+}
+
+wire!(enum AlarmKind {
+    0 => AlarmSq, 1 => AlarmS, 2 => AlarmDq, 3 => AlarmD, 4 => Notify8p, 5 => Alarm, 6 => Alarm8, 7 => Alarm8p,
+    8 => Notify,
+});
+wire!(struct AlarmState { kind, id, component, signals, coming, going, locked });
+wire!(struct AlarmTime { nanos, wall });
+wire!(enum AlarmChange {
+    0 => Message { changed, lost }, 1 => Acknowledged, 2 => Locked, 3 => Unlocked, 4 => Released, 5 => Deleted, 6 => Lost(count),
+});
+wire!(struct AlarmEvent { number, time, change, state, values });
+wire!(struct AlarmTurn { time, values });
+wire!(struct AlarmNow { state, came, went });
+wire!(enum AlarmQuery { 0 => Standing, 1 => Number(id) });
+wire!(struct AlarmAck { id, coming, going });
+wire!(enum AlarmOrder { 0 => Query(query), 1 => Acknowledge(acks), 2 => Lock { ids, locked } });
 wire!(enum Width { 0 => Bit, 1 => Byte, 2 => Word, 3 => DWord });
 wire!(enum Piece { 0 => Bytes { at, len }, 1 => Value(cell, width) });
 wire!(enum Put { 0 => Value(cell, width, value), 1 => Bytes(cell, bytes) });
@@ -70,14 +122,14 @@ wire!(enum Ask {
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
     16 => Pass(order), 17 => Point(order), 18 => Forget(ticket), 19 => Addresses { block, wanted }, 20 => Debug(order),
-    21 => Force(cells), 22 => Forced,
+    21 => Force(cells), 22 => Forced, 23 => LogOn { displays, name }, 24 => Alarms(order),
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links, 5 => Sources });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
     9 => Document { last, bytes }, 10 => Pass(pass), 11 => Point(outcomes), 12 => Addresses(found), 13 => Debug(answer),
-    14 => Forced(cells),
+    14 => Forced(cells), 15 => LoggedOn { after }, 16 => Alarms { last, after, list }, 17 => Ordered(found),
 });
 wire!(struct Breakpoint { block, statement });
 wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
@@ -117,6 +169,7 @@ wire!(struct Welcome {
 wire!(enum ToBroker {
     0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
     4 => Gone(client), 5 => Connections(list), 6 => Partner { client, partner },
+    7 => Handed { client, number },
 });
 wire!(struct Connection { partner, name, state, pdu, jobs, errors });
 wire!(enum ToLink {
@@ -124,6 +177,7 @@ wire!(enum ToLink {
 });
 wire!(enum News {
     0 => Watching, 1 => Written { client, ticket, outcome }, 2 => Answer { client, ticket, answer }, 3 => Event(event),
+    4 => Alarm { client, event },
 });
 
 macro_rules! packets {
@@ -214,6 +268,10 @@ mod tests {
                 ],
             }),
             Ask::Forget(4),
+            Ask::LogOn { displays: Displays(Displays::ALARMS), name: "HmiRtm".into() },
+            Ask::Alarms(AlarmOrder::Query(AlarmQuery::Number(7))),
+            Ask::Alarms(AlarmOrder::Acknowledge(vec![AlarmAck { id: 7, coming: 1, going: 0 }])),
+            Ask::Alarms(AlarmOrder::Lock { ids: vec![7, 8], locked: true }),
             Ask::Addresses { block: BlockId::new(BlockKind::Fc, 5), wanted: vec![0, 4] },
         ];
         let mut to = vec![
@@ -225,9 +283,16 @@ mod tests {
                 puts: vec![Put::Value(at, Width::Bit, 1), Put::Bytes(at, Box::from([1, 2]))],
             },
             ToBroker::Gone(5),
+            ToBroker::Handed { client: 5, number: 77 },
             ToBroker::Partner { client: 7, partner: "[2001:db8::5]:1102".into() },
         ];
         to.extend(asks.into_iter().map(|ask| ToBroker::Ask { client: 1, ticket: 2, ask }));
+        let mut values = AlarmValues::default();
+        assert!(values.push(4, &[1, 2]) && values.push(2, &[9; 32]));
+        let state = AlarmState { kind: AlarmKind::Alarm8p, id: 7, signals: 3, ..AlarmState::default() };
+        let time = AlarmTime { nanos: 5, wall: [1; 8] };
+        let change = AlarmChange::Message { changed: 1, lost: true };
+        let event = Box::new(AlarmEvent { number: 6, time, change, state, values });
         let answers = [
             Answer::Done,
             Answer::Szl { record: 4, bytes: Box::from([0; 12]) },
@@ -248,6 +313,13 @@ mod tests {
                 ..Pass::default()
             }),
             Answer::Point(vec![Ok([1, 2].into()), Err(Refusal::Right)]),
+            Answer::LoggedOn { after: 6 },
+            Answer::Alarms {
+                last: true,
+                after: 6,
+                list: vec![AlarmNow { state, came: Some(AlarmTurn { time, values }), went: None }],
+            },
+            Answer::Ordered(vec![true, false]),
             Answer::Addresses(Addresses {
                 code: 1,
                 statements: 2,
@@ -264,6 +336,7 @@ mod tests {
             News::Written { client: 1, ticket: 2, outcome: Ok(9) },
             News::Written { client: 1, ticket: 2, outcome: Err(Refused { entry: 3, why: Refusal::Right }) },
             News::Event(Event { number: 1, time: 2, what: What::Diagnosis(entry) }),
+            News::Alarm { client: 4, event },
             News::Event(Event { number: 1, time: 2, what: What::Driver { name: "cp".into(), up: true } }),
         ];
         news.extend(answers.into_iter().map(|answer| News::Answer { client: 1, ticket: 2, answer }));

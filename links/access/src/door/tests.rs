@@ -242,3 +242,20 @@ fn a_station_that_ends_with_something_unread_has_closed_the_door() {
         assert!(matches!(door.pump(), Err(DoorError::Closed)), "{unread}");
     }
 }
+
+/// A long list of alarms is one answer, behind what came before its last part.
+#[test]
+fn alarms_come_whole() {
+    let (desk, mut door) = Desk::open();
+    let alarm = |id| AlarmNow { state: ob1_model::AlarmState { id, ..Default::default() }, ..AlarmNow::default() };
+    let parts = [(false, vec![alarm(1), alarm(2)]), (false, Vec::new()), (true, vec![alarm(3)])];
+    for (last, list) in parts {
+        desk.say(&ToLink::News(News::Answer { client: 1, ticket: 7, answer: Answer::Alarms { last, after: 9, list } }));
+        desk.say(&ToLink::News(News::Watching));
+    }
+    door.pump().expect("open");
+    let whole = Answer::Alarms { last: true, after: 9, list: vec![alarm(1), alarm(2), alarm(3)] };
+    let answer = News::Answer { client: 1, ticket: 7, answer: whole };
+    let news: Vec<News> = std::iter::from_fn(|| door.take_news()).collect();
+    assert_eq!(news, [News::Watching, News::Watching, answer, News::Watching]);
+}

@@ -1,6 +1,9 @@
 //! Requests of a connection to the CPU, and the replies.
 
-use ob1_model::{BlockId, CodeAddress, DebugAnswer, DebugOrder, Forced, Pass, PassOrder, Point};
+use ob1_model::{
+    AlarmEvent, AlarmNow, AlarmOrder, BlockId, CodeAddress, DebugAnswer, DebugOrder, Displays, Forced, Pass, PassOrder,
+    Point,
+};
 
 use crate::Rights;
 use crate::codes::{Code, ItemCode};
@@ -84,6 +87,15 @@ pub enum Ask {
     Forced,
     /// Forces these values in place of those before; none: it ends forcing. [`Reply::Done`].
     Force(Vec<Put>),
+    /// The partner is a display of alarms from now on, for these of them; nothing: no longer. [`Reply::Done`].
+    LogOn {
+        /// What it wants to get.
+        displays: Displays,
+        /// Its name.
+        name: String,
+    },
+    /// About alarms. [`Reply::Alarms`] or [`Reply::Ordered`].
+    Alarms(AlarmOrder),
     /// The partner wants to see which CPU it is. [`Reply::Done`].
     Blink,
 }
@@ -199,6 +211,10 @@ pub enum Reply {
     Debug(DebugAnswer),
     /// The forced cells, with their values.
     Forced(Vec<Forced>),
+    /// The alarms that were asked for.
+    Alarms(Vec<AlarmNow>),
+    /// For each alarm of an order whether it exists.
+    Ordered(Vec<bool>),
     /// Its point has not come.
     Forgotten,
     /// Not done, for this reason.
@@ -214,4 +230,6 @@ pub enum CpuEvent {
     Diagnosis([u8; 20]),
     /// The operating state, as in the message: 0 STOP, 1 warm restart, 2 RUN.
     Mode(u8),
+    /// A change of an alarm.
+    Alarm(AlarmEvent),
 }

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use ob1_model::{CYCLIC_300, CYCLIC_400, CyclicLimits};
 
 use super::service::Service;
-use super::var::{Outcome, Wanted, data_bytes, items, outcomes, wanted_addresses, write_outcomes};
+use super::var::{Outcome, ReadItem, data_bytes, items, outcomes, wanted_addresses, write_outcomes};
 use super::{Ask, Connection, Job, Reply, Step, Then};
 use crate::codes::Code;
 use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData, sub};
@@ -30,7 +30,7 @@ struct CyclicJob {
     id: u8,
     /// The service that its messages carry: that which made the job, or changed it last.
     sub: u8,
-    wanted: Vec<Wanted>,
+    wanted: Vec<ReadItem>,
     every_ms: u64,
     due_ms: Option<u64>,
     /// The request whose answer has the first values. No message comes in front of that answer.
@@ -91,7 +91,7 @@ fn telegram(
 }
 
 /// Number of items, time base, factor, items: the items, and the period in milliseconds.
-fn asked(data: &[u8], limits: CyclicLimits) -> Result<(Vec<Wanted>, u64), Code> {
+fn asked(data: &[u8], limits: CyclicLimits) -> Result<(Vec<ReadItem>, u64), Code> {
     let (&[high, low, base, factor], bytes) = data.split_first_chunk::<HEAD>().ok_or(Code::NO_INFORMATION)?;
     let steps = BASES.get(usize::from(base)).ok_or(Code::CYCLIC_TIME)? * u64::from(factor);
     if steps == 0 || steps > u64::from(limits.longest) {
@@ -199,7 +199,7 @@ impl Connection {
         &mut self,
         (reference, request): (u16, u64),
         (id, sub): (u8, u8),
-        wanted: &[Wanted],
+        wanted: &[ReadItem],
         reply: Reply,
     ) -> Vec<u8> {
         let now = outcomes(wanted, reply);

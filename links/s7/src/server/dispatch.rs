@@ -31,7 +31,10 @@ impl Connection {
         match (group, sub) {
             (Group::Cpu, sub::SZL) => self.szl(pdu.reference, &service),
             (Group::Cpu, sub::MESSAGES) => self.subscribe(pdu.reference, &service),
-            (Group::Cpu, sub::ALARM_QUERY) => Self::query_alarms(pdu.reference, &service),
+            (Group::Cpu, sub::ALARM_QUERY) => self.query_alarms(pdu.reference, &service),
+            (Group::Cpu, sub::ALARM_ACKNOWLEDGE | sub::ALARM_LOCK | sub::ALARM_UNLOCK) => {
+                self.order_alarms(pdu.reference, &service)
+            }
             (Group::Blocks, _) => self.lists(pdu.reference, &service),
             (Group::Clock, _) => self.clock(pdu.reference, &service),
             (Group::Security, _) => self.security(pdu.reference, &service),
@@ -82,6 +85,22 @@ impl Connection {
                 _ => no(Group::Clock, sub, Code::NOT_NOW),
             },
             Service::Password { sub } => vec![self.security_answer(reference, sub, &reply)],
+            Service::LogOn(logon) => match reply {
+                Reply::Done => vec![self.subscribed(reference, logon)],
+                Reply::Refused(Code::NOT_NOW) => no(Group::Cpu, sub::MESSAGES, Code::NO_SUBSCRIBERS),
+                Reply::Refused(why) => no(Group::Cpu, sub::MESSAGES, why),
+                _ => no(Group::Cpu, sub::MESSAGES, Code::NOT_NOW),
+            },
+            Service::AlarmQuery(wanted) => match reply {
+                Reply::Alarms(list) => vec![self.alarms_answer(reference, wanted, &list)],
+                Reply::Refused(why) => no(Group::Cpu, sub::ALARM_QUERY, why),
+                _ => no(Group::Cpu, sub::ALARM_QUERY, Code::NOT_NOW),
+            },
+            Service::AlarmOrder { sub, function } => match reply {
+                Reply::Ordered(found) => vec![Self::ordered(reference, sub, function, &found)],
+                Reply::Refused(why) => no(Group::Cpu, sub, why),
+                _ => no(Group::Cpu, sub, Code::NOT_NOW),
+            },
             // Answered where the request is known.
             Service::Cyclic { .. } | Service::CyclicDue | Service::Test(_) => Vec::new(),
         }
@@ -89,7 +108,8 @@ impl Connection {
 
     /// An event in the CPU: sends a message if the partner has subscribed to it.
     pub fn event(&mut self, event: &CpuEvent) {
-        let Some(telegram) = self.subscribed.message(event) else { return };
+        let pdu = self.pdu_bytes();
+        let Some(telegram) = self.subscribed.message(event, pdu) else { return };
         // A change of the operating state is answered before it is told.
         let changes = self.queue.iter().any(|job| matches!(job.then, Some(Then::Control(_))));
         if changes && self.queue.len() < HELD {

@@ -3,6 +3,7 @@
 //! Its owner passes in bytes and replies, and takes requests and bytes. It tolerates missing, short or wrong input at
 //! any moment.
 
+mod alarms;
 mod ask;
 mod control;
 mod cyclic;
@@ -80,7 +81,7 @@ pub enum End {
 /// How to turn a reply into an answer.
 #[derive(Debug)]
 enum Then {
-    Read(Vec<var::Wanted>),
+    Read(Vec<var::ReadItem>),
     Write(Vec<var::Slot>),
     Service(service::Service),
     Control(u8),

@@ -13,7 +13,7 @@ use crate::wire::{
 /// A variable: its address, or why it cannot be served.
 pub(super) type Slot = Result<Address, ItemCode>;
 /// An item of a read, or why it cannot be served.
-pub(super) type Wanted = Result<Item, ItemCode>;
+pub(super) type ReadItem = Result<Item, ItemCode>;
 
 /// Bytes in front of the items of an answer: head, function, count.
 const HEAD: usize = ANSWER_HEAD + 2;
@@ -28,19 +28,19 @@ pub(super) enum Outcome {
 }
 
 /// The items of a job; `None`: the list is cut off, or empty.
-pub(super) fn items(bytes: &[u8], count: usize) -> Option<Vec<Wanted>> {
-    let items: Option<Vec<Wanted>> = Items::new(bytes, count).collect();
+pub(super) fn items(bytes: &[u8], count: usize) -> Option<Vec<ReadItem>> {
+    let items: Option<Vec<ReadItem>> = Items::new(bytes, count).collect();
     items.filter(|items| !items.is_empty())
 }
 
-fn of_job(pdu: &Pdu<'_>) -> Option<Vec<Wanted>> {
+fn of_job(pdu: &Pdu<'_>) -> Option<Vec<ReadItem>> {
     let (&[_, count], bytes) = pdu.parameters.split_first_chunk::<2>()?;
     items(bytes, usize::from(count))
 }
 
 /// Length of the items in an answer that has all of them. The last one is not padded.
-pub(super) fn data_bytes(wanted: &[Wanted]) -> usize {
-    let bytes = |item: &Wanted| match item {
+pub(super) fn data_bytes(wanted: &[ReadItem]) -> usize {
+    let bytes = |item: &ReadItem| match item {
         Ok(Item::Variable(address)) => ITEM + address.bytes(),
         Ok(Item::Areas(areas)) => ITEM + areas.iter().map(|area| 1 + area.map_or(0, |a| a.bytes())).sum::<usize>(),
         Err(_) => ITEM,
@@ -49,7 +49,7 @@ pub(super) fn data_bytes(wanted: &[Wanted]) -> usize {
 }
 
 /// The addresses of all items.
-pub(super) fn wanted_addresses(wanted: &[Wanted]) -> Vec<Address> {
+pub(super) fn wanted_addresses(wanted: &[ReadItem]) -> Vec<Address> {
     let mut all = Vec::new();
     for item in wanted.iter().flatten() {
         match item {
@@ -105,9 +105,9 @@ pub(super) fn values(slots: &[Slot], reply: Reply) -> Vec<Result<(DataType, Vec<
 }
 
 /// What has come of all items.
-pub(super) fn outcomes(wanted: &[Wanted], reply: Reply) -> Vec<Outcome> {
+pub(super) fn outcomes(wanted: &[ReadItem], reply: Reply) -> Vec<Outcome> {
     let mut came = Came::of(reply);
-    let mut of = |item: &Wanted| match item {
+    let mut of = |item: &ReadItem| match item {
         Ok(Item::Variable(address)) => Outcome::Variable(came.variable(Ok(*address))),
         Ok(Item::Areas(areas)) => {
             Outcome::Areas(areas.iter().map(|area| area.and_then(|address| came.next(&address))).collect())
@@ -139,7 +139,7 @@ pub(super) fn write_outcomes(out: &mut Vec<u8>, outcomes: &[Outcome], before: &[
     }
 }
 
-pub(super) fn read_answer(reference: u16, wanted: &[Wanted], reply: Reply) -> Vec<u8> {
+pub(super) fn read_answer(reference: u16, wanted: &[ReadItem], reply: Reply) -> Vec<u8> {
     let mut data = Vec::new();
     write_outcomes(&mut data, &outcomes(wanted, reply), &[]);
     write(Kind::Answer, reference, Code::DONE, &[function::READ, wanted.len() as u8], &data)
@@ -177,7 +177,7 @@ impl Connection {
     pub(super) fn write(&mut self, pdu: &Pdu<'_>) -> Step {
         let Some(items) = of_job(pdu) else { return self.refuse_job(pdu.reference, Code::PDU_SIZE) };
         // Nobody writes several areas as one item: what its data would be is not known.
-        let variable = |item: Wanted| match item {
+        let variable = |item: ReadItem| match item {
             Ok(Item::Variable(address)) => Ok(address),
             Ok(Item::Areas(_)) => Err(ItemCode::TYPE),
             Err(code) => Err(code),

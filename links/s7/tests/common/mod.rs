@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use ob1_model::{BlockId, DebugAnswer, DebugEnd, DebugOrder, Forced, ForcedArea, Held, Pass, Point, Resume, Width};
+use ob1_model::{
+    AlarmNow, AlarmOrder, AlarmQuery, BlockId, DebugAnswer, DebugEnd, DebugOrder, Displays, Forced, ForcedArea, Held,
+    Pass, Point, Resume, Width,
+};
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
 use ob1_s7::server::{Access, Ask, CodePlaces, Connection, Control, Listed, Reply, Request, Settings};
@@ -34,6 +37,12 @@ pub(crate) struct ModelCpu {
     pub(crate) orders: Vec<DebugOrder>,
     /// Where it holds, or has stopped.
     pub(crate) held: Option<Held>,
+    pub(crate) alarms: Vec<AlarmNow>,
+    /// Log-ons and orders about alarms, in the order they came.
+    pub(crate) logons: Vec<(Displays, String)>,
+    pub(crate) alarm_orders: Vec<AlarmOrder>,
+    /// There is no room for a display.
+    pub(crate) is_full: bool,
 }
 
 /// A block with header and footer around this code.
@@ -76,6 +85,10 @@ impl Default for ModelCpu {
             forced: Vec::new(),
             orders: Vec::new(),
             held: None,
+            alarms: Vec::new(),
+            logons: Vec::new(),
+            alarm_orders: Vec::new(),
+            is_full: false,
         }
     }
 }
@@ -224,6 +237,26 @@ impl ModelCpu {
                 self.changes += 1;
                 self.orders.push(order);
                 Reply::Debug(DebugAnswer { end: DebugEnd::Done, held: Held::default() })
+            }
+            Ask::LogOn { .. } if self.is_full => Reply::Refused(Code::NOT_NOW),
+            Ask::LogOn { displays, name } => {
+                self.logons.push((displays, name));
+                Reply::Done
+            }
+            Ask::Alarms(AlarmOrder::Query(AlarmQuery::Standing)) => Reply::Alarms(self.alarms.clone()),
+            Ask::Alarms(AlarmOrder::Query(AlarmQuery::Number(id))) => {
+                Reply::Alarms(self.alarms.iter().filter(|now| now.state.id == id).copied().collect())
+            }
+            Ask::Alarms(order) => {
+                self.changes += 1;
+                let known = |id: &u32| self.alarms.iter().any(|now| now.state.id == *id);
+                let found = match &order {
+                    AlarmOrder::Acknowledge(acks) => acks.iter().map(|ack| known(&ack.id)).collect(),
+                    AlarmOrder::Lock { ids, .. } => ids.iter().map(known).collect(),
+                    AlarmOrder::Query(_) => Vec::new(),
+                };
+                self.alarm_orders.push(order);
+                Reply::Ordered(found)
             }
             Ask::Forced => Reply::Forced(self.forced.clone()),
             Ask::Force(puts) => {
@@ -429,6 +462,14 @@ impl Desk {
     pub(crate) fn service(&mut self, group: u8, sub: u8, data: &[u8]) -> Vec<Vec<u8>> {
         self.send(&service(group, sub, data));
         self.answers()
+    }
+
+    /// The answer to the request for the next part.
+    pub(crate) fn next_part(&mut self, group: u8, sub: u8, sequence: u8) -> Vec<u8> {
+        let mut bytes = job(6, &[0, 1, 0x12, 8, 0x12, 0x40 | group, sub, sequence, 0, 0, 0, 0], &[0x0A, 0, 0, 0]);
+        bytes[1] = 7;
+        self.send(&bytes);
+        self.answers().remove(0)
     }
 }
 

@@ -3,8 +3,8 @@
 use ob1_access::door::{Answer, Ask, Command, Document, Refusal};
 use ob1_access::{Right, Width};
 use ob1_model::{
-    BlockId, BlockKind, Breakpoint, DebugOrder, Forced, ForcedArea, PassOrder, Piece, Point, PointItem, PointOrder,
-    Put, Resume,
+    AlarmAck, AlarmOrder, AlarmQuery, BlockId, BlockKind, Breakpoint, DebugOrder, Displays, Forced, ForcedArea,
+    PassOrder, Piece, Point, PointItem, PointOrder, Put, Resume,
 };
 
 use crate::station::{Station, link, memory, word};
@@ -27,11 +27,14 @@ fn needs(ask: &Ask) -> Right {
         | Ask::Forced
         | Ask::Forget(_)
         | Ask::Addresses { .. }
+        | Ask::LogOn { .. }
+        | Ask::Alarms(AlarmOrder::Query(_))
         | Ask::Debug(DebugOrder::Stack { .. }) => Right::Read,
         Ask::Point(order) => {
             let writes = order.items.iter().any(|item| matches!(item, PointItem::Write(_)));
             if order.stays || writes { Right::Operate } else { Right::Read }
         }
+        Ask::Alarms(_) => Right::Write,
         Ask::Command(_)
         | Ask::SetClock(_)
         | Ask::Stage { .. }
@@ -80,6 +83,10 @@ fn every_ask() -> Vec<Ask> {
         point(true, vec![write()]),
         Ask::Forget(1),
         Ask::Addresses { block: ob1, wanted: vec![0] },
+        Ask::LogOn { displays: Displays(Displays::ALARMS), name: "panel".into() },
+        Ask::Alarms(AlarmOrder::Query(AlarmQuery::Standing)),
+        Ask::Alarms(AlarmOrder::Acknowledge(vec![AlarmAck { id: 17, coming: 1, going: 1 }])),
+        Ask::Alarms(AlarmOrder::Lock { ids: vec![35], locked: true }),
     ];
     all.extend(Command::ALL.map(Ask::Command));
     all

@@ -1,5 +1,6 @@
 //! The broker between doors and a CPU, all in one thread and in virtual time.
 
+mod alarms;
 mod events;
 mod every_right;
 mod limits;

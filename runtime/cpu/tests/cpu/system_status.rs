@@ -1,6 +1,7 @@
 //! What the CPU tells a program about itself: run times, system status lists, the diagnostic buffer.
 
 use ob1_cpu::{CpuConfig, CyclicInterrupt, Family};
+use ob1_model::{AlarmChange, Displays};
 use ob1_time::{Instant, Span};
 
 use crate::common::calls::{module, on_demand};
@@ -218,19 +219,34 @@ fn entries_and_messages_of_the_program() {
         bench.run();
         bench.set(60, ob1_cpu::Width::Word, 0x1122);
         bench.set(62, ob1_cpu::Width::DWord, 0x3344_5566);
-        let mut log = bench.cpu.log_reader().expect("the first");
-        for (signal, code, line) in [
-            (false, 0x8087, None),
-            (true, 0, Some("message 00000012 came, value 1122")),
-            (true, 0x8084, None),
-            (false, 0, Some("message 00000012 went, value 1122")),
+        let mut alarms = bench.cpu.alarm_client().expect("the first");
+        assert!(bench.cpu.alarm_client().is_none());
+        // The start-up has deleted all alarms.
+        assert_eq!(alarms.take().map(|event| event.change), Some(AlarmChange::Deleted));
+        for (signal, displays, code, message) in [
+            (false, 0, 0x8087, None),
+            (true, 0, 0x8085, None),
+            (true, Displays::BLOCKS, 0x8085, None),
+            (true, Displays::FUNCTIONS, 0, Some((1, 0))),
+            (true, Displays::FUNCTIONS, 0x8084, None),
+            (false, Displays::FUNCTIONS, 0, Some((0, 0))),
         ] {
+            alarms.set_displays(Displays(displays));
             bench.set_m(70, 0, signal);
             bench.set_m(0, 0, true);
             bench.run();
             assert_eq!(bench.mw(20), code);
-            assert_eq!(log.take().map(|l| l.text().to_owned()).as_deref(), line);
+            let event = alarms.take();
+            assert_eq!(event.map(|event| (event.state.signals, event.state.coming)), message);
+            if let Some(event) = event {
+                assert_eq!(event.values.iter().collect::<Vec<_>>(), [(4, &[0x11, 0x22][..])]);
+                // The clock of the bench begins at 1990-01-01.
+                assert_eq!(event.time.wall[..3], [0x90, 0x01, 0x01]);
+            }
         }
+        // An entry of the program is sent to whoever has logged on for it.
+        alarms.set_displays(Displays(Displays::DIAGNOSIS));
+        bench.run();
         let entry = bench.cpu.diagnostics().next().expect("an entry").to_string();
         assert_eq!(entry, "A123h entry of the program: INFO1 1122, INFO2 33445566");
     });
