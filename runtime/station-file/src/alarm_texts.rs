@@ -113,7 +113,8 @@ fn fields(text: &str, line: &Range<usize>, separator: char) -> Option<Vec<Field>
 }
 
 /// A message number as it is written: decimal, or `16#...` with or without the type.
-fn number_of(text: &str) -> Option<u32> {
+#[must_use]
+pub fn number_of(text: &str) -> Option<u32> {
     let text = text.to_ascii_uppercase();
     let hexadecimal = text.strip_prefix("DW#").unwrap_or(&text).strip_prefix("16#");
     let number = match hexadecimal {

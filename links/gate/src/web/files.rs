@@ -25,7 +25,7 @@ macro_rules! script {
     };
 }
 
-static FILES: [File; 16] = [
+static FILES: [File; 17] = [
     File { path: "/", kind: "text/html; charset=utf-8", text: include_str!("../../page/index.html") },
     File { path: "/style.css", kind: "text/css; charset=utf-8", text: include_str!("../../page/style.css") },
     File { path: "/icon.svg", kind: "image/svg+xml", text: include_str!("../../page/icon.svg") },
@@ -42,6 +42,7 @@ static FILES: [File; 16] = [
     script!("program.js"),
     script!("why.js"),
     script!("io.js"),
+    script!("alarms.js"),
 ];
 
 /// The tag of all files together; it changes with the build.

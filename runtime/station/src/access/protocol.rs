@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use ob1_access::alarms::StandingAlarm;
 use ob1_access::door::Connection;
 use ob1_broker::LinkState;
 use ob1_model::Command;
@@ -85,6 +86,12 @@ pub enum Op {
         #[serde(default)]
         off: bool,
     },
+    /// The alarms that are active or not acknowledged; or acknowledges some.
+    Alarms {
+        /// Message numbers to acknowledge; none: which alarms there are is told.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        acknowledge: Vec<u32>,
+    },
     /// Changes the program to what its sources say now, or back.
     Load(LoadOrder),
 }
@@ -159,6 +166,12 @@ pub struct Response {
     /// Answer to `force`: `QW4=16#00FF`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub forced: Option<Vec<String>>,
+    /// Answer to `alarms`, the most urgent first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alarms: Option<Vec<StandingAlarm>>,
+    /// Answer to `alarms` with numbers to acknowledge: those that do not exist.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<Vec<u32>>,
     /// Answer to `load`: what has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<Box<LoadStatus>>,
@@ -202,6 +215,8 @@ impl Response {
             why: None,
             debug: None,
             forced: None,
+            alarms: None,
+            missing: None,
             load: None,
         }
     }
