@@ -29,6 +29,9 @@ struct Cycle {
     going: u8,
     /// The last call with a transition has put a message into the memories.
     pending: bool,
+    /// When a signal came last, and when one went after that.
+    came: Option<u64>,
+    went: Option<u64>,
 }
 
 #[derive(Default)]
@@ -38,6 +41,7 @@ struct Model {
     locked: BTreeMap<u32, bool>,
     all_locked: bool,
     logged_on: [bool; 2],
+    now: u64,
 }
 
 /// (coming, going) that a display must acknowledge. SQ and DQ: only the coming. S, D and NOTIFY: implicitly.
@@ -85,6 +89,11 @@ impl Model {
                 _ => {}
             }
         }
+        if signals & !cycle.signals != 0 {
+            (cycle.came, cycle.went) = (Some(self.now), None);
+        } else if cycle.signals & !signals != 0 {
+            cycle.went = Some(self.now);
+        }
         cycle.signals = signals;
     }
 
@@ -98,7 +107,10 @@ impl Model {
             None if !signal => return 0x8087,
             None if !logged_on => return 0x8085,
             None => {
-                self.cycles.insert(id, Cycle { kind, signals: 0, coming: 1, going: 1, pending: false });
+                self.cycles.insert(
+                    id,
+                    Cycle { kind, signals: 0, coming: 1, going: 1, pending: false, came: None, went: None },
+                );
             }
         }
         self.turn(id, u8::from(signal), logged_on);
@@ -133,7 +145,10 @@ impl Model {
         let is_first = !self.cycles.contains_key(&id);
         if is_first {
             let all = all(kind);
-            self.cycles.insert(id, Cycle { kind, signals: 0, coming: all, going: all, pending: false });
+            self.cycles.insert(
+                id,
+                Cycle { kind, signals: 0, coming: all, going: all, pending: false, came: None, went: None },
+            );
         }
         let locked = self.is_locked(id);
         let tells = is_first && matches!(kind, AlarmKind::Notify | AlarmKind::Notify8p);
@@ -248,26 +263,37 @@ impl Bench {
     }
 
     /// Runs a block on the common table.
-    fn run(table: &mut AlarmTable, fake: &mut Fake) {
-        std::mem::swap(table, &mut fake.station.alarms);
+    fn run(&mut self, fake: &mut Fake) {
+        fake.station.alarm_time.nanos = self.model.now;
+        std::mem::swap(&mut self.table, &mut fake.station.alarms);
         fake.run();
-        std::mem::swap(table, &mut fake.station.alarms);
+        std::mem::swap(&mut self.table, &mut fake.station.alarms);
+    }
+
+    /// What a display would be given when it asks.
+    fn look(&self) {
+        let times = |id: u32| self.table.get(id).map(|now| [now.came, now.went].map(|turn| turn.map(|t| t.time.nanos)));
+        for (id, cycle) in &self.model.cycles {
+            assert_eq!(times(*id), Some([cycle.came, cycle.went]), "times of {id}");
+        }
+        assert_eq!(self.table.iter().count(), self.model.cycles.len());
     }
 
     fn step(&mut self, random: &mut fastrand::Rng) {
-        let time = AlarmTime::default();
+        self.model.now += 1;
+        let time = AlarmTime { nanos: self.model.now, ..AlarmTime::default() };
         match random.u32(0..100) {
             0..45 => {
                 let index = random.usize(..BLOCKS.len());
                 let (kind, _, id) = BLOCKS[index];
                 let old = self.model.cycles.get(&id).map_or(0, |cycle| cycle.signals);
                 let signals = if random.bool() { old } else { random.u8(..) & random.u8(..) } & all(kind);
-                let fake = &mut self.blocks[index];
+                let mut fake = self.blocks.remove(index);
                 match all(kind) {
                     1 => fake.set("SIG", &[signals]),
                     _ => (0..8).for_each(|bit| fake.set(&format!("SIG_{}", bit + 1), &[signals >> bit & 1])),
                 }
-                Self::run(&mut self.table, fake);
+                self.run(&mut fake);
                 let expected = self.model.block(kind, id, signals);
                 assert_eq!((fake.value("DONE"), fake.value("ERROR"), fake.value("STATUS")), expected, "{kind:?} {id}");
                 let Cycle { coming, going, .. } = self.model.cycles[&id];
@@ -282,6 +308,7 @@ impl Bench {
                     }
                     _ => {}
                 }
+                self.blocks.insert(index, fake);
             }
             45..70 => {
                 let (kind, id) = (FUNCTIONS[random.usize(..4)], random.u32(NUMBERS));
@@ -296,12 +323,12 @@ impl Bench {
                 if matches!(kind, AlarmKind::AlarmDq | AlarmKind::AlarmD) {
                     fake.set("CMP_ID", &[0, 0, 0, 7]);
                 }
-                Self::run(&mut self.table, &mut fake);
+                self.run(&mut fake);
                 assert_eq!(fake.value("RET_VAL"), self.model.function(kind, id, signal), "{kind:?} {id} {signal}");
                 // SFC 19 tells what is kept.
                 let mut fake = Fake::new("SYSTEM:SFC19").with("EV_ID", id.to_be_bytes()).with("RET_VAL", [9; 2]);
                 fake = fake.with("STATE", [7]).with("Q_STATE", [7]);
-                Self::run(&mut self.table, &mut fake);
+                self.run(&mut fake);
                 let told = (fake.value("RET_VAL"), fake.value("STATE"), fake.value("Q_STATE"));
                 let expected = self.model.cycles.get(&id).map(|c| (0, c.signals.into(), c.coming.into()));
                 assert_eq!(told, expected.unwrap_or((0x8082, 7, 7)), "SFC 19 of {id}");
@@ -337,7 +364,7 @@ impl Bench {
             87 => {
                 let mut fake = Fake::new("SYSTEM:SFC106").with("MODE", [0, 1]).with("SI_ID", [0; 4]);
                 fake = fake.with("RET_VAL", [9; 2]);
-                Self::run(&mut self.table, &mut fake);
+                self.run(&mut fake);
                 assert_eq!(fake.value("RET_VAL"), 0);
                 let is_dynamic = |c: &Cycle| matches!(c.kind, AlarmKind::AlarmDq | AlarmKind::AlarmD);
                 let gone: Vec<u32> =
@@ -360,12 +387,13 @@ impl Bench {
             }
             _ => self.fetch(random.usize(1..8)),
         }
+        self.look();
     }
 
     fn program_locks(&mut self, mode: u8, id: u32, locked: bool) {
         let mut fake = Fake::new(if locked { "SYSTEM:SFC10" } else { "SYSTEM:SFC9" }).with("REQ", [1]);
         fake = fake.with("MODE", [mode]).with("MESGN", id.to_be_bytes()).with("RET_VAL", [9; 2]).with("BUSY", [1]);
-        Self::run(&mut self.table, &mut fake);
+        self.run(&mut fake);
         assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (0, 0));
     }
 

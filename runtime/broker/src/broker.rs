@@ -117,6 +117,7 @@ impl Broker {
     fn lost(&mut self, link: usize, now: Instant) {
         let Some(joint) = self.joints.get_mut(link).filter(|joint| joint.connection.is_some()) else { return };
         let was_up = joint.up;
+        joint.hear_out(&mut self.buffer);
         joint.disconnect();
         if was_up && !joint.config.name.is_empty() {
             let name = joint.config.name.clone();

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use ob1_access::door::{
-    ALARM_PART, Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION,
-    Welcome,
+    ALARM_PART, Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToBroker, ToLink,
+    VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{
@@ -21,9 +21,11 @@ use ob1_time::{Instant, Span};
 
 use crate::alarms::Logons;
 use crate::client::{Clients, Job};
-use crate::connection::Connection;
+use crate::connection::{Connection, Received};
 use crate::{Facts, LinkConfig};
 
+/// Messages of a process that is gone which are still read: more than its socket holds.
+const LAST_WORDS: usize = 4096;
 /// What partners do that is recorded at once, and the time after which one more is.
 const RECORDS: u32 = 20;
 const RECORD: Duration = Duration::from_secs(5);
@@ -213,6 +215,18 @@ impl Joint {
         match connection.welcome(&welcome, &descriptors) {
             Ok(()) => self.connection = Some(connection),
             Err(error) => tracing::error!(link = %self.config.name, "cannot be welcomed: {error}"),
+        }
+    }
+
+    /// The process is gone, and perhaps has said before what it has handed to its displays: they get it once then.
+    pub(crate) fn hear_out(&mut self, buffer: &mut [u8]) {
+        let Some(connection) = &mut self.connection else { return };
+        for _ in 0..LAST_WORDS {
+            match connection.receive(buffer) {
+                Received::Message(ToBroker::Handed { client, number }) => self.logons.handed(client, number),
+                Received::Message(_) => {}
+                Received::Nothing | Received::Gone => return,
+            }
         }
     }
 

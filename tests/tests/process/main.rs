@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod alarm_texts;
 mod browser;
 mod browser_program;
 mod compare;

@@ -301,7 +301,12 @@ fn a_panel_acknowledges_and_all_are_told() {
     assert_eq!(station.interrupt().code(), Some(0));
     between.write(&file);
     let answers = tshark(&file, "s7comm && tcp.srcport == 102");
-    assert!(answers.len() > 20, "{} telegrams were found", answers.len());
+    // A frame of TCP may have several.
+    assert!(answers.len() > 10, "{} frames were found", answers.len());
+    for sub in [0x05, 0x06, 0x0B, 0x0C, 0x0D, 0x0E, 0x11, 0x12, 0x13, 0x16] {
+        let found = tshark(&file, &format!("tcp.srcport == 102 && s7comm.param.userdata.subfunc == {sub}"));
+        assert!(!found.is_empty(), "Wireshark does not see {sub:02X}");
+    }
     let malformed = tshark(&file, "tcp.srcport == 102 && _ws.malformed");
     assert!(malformed.is_empty(), "{malformed:#?}");
 }

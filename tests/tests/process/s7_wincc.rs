@@ -23,9 +23,7 @@ const COPIES: &str = "\
 fn station(site: &Site, family: u16) -> (Running, u16) {
     let port = free_port();
     let block = |number| {
-        format!(
-            "DATA_BLOCK DB {number}\nSTRUCT\n a : ARRAY[0..19] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n"
-        )
+        format!("DATA_BLOCK DB {number}\nSTRUCT\n a : ARRAY[0..19] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n")
     };
     let data: String = [10, 11, 12].map(block).concat();
     site.write("plant.awl", &counting(&data, COPIES));

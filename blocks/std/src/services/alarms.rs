@@ -115,8 +115,6 @@ pub struct AlarmTable {
     displays: Displays,
     /// Number of the last change.
     number: u64,
-    /// Restarts so far: instances of before begin anew. Never 0, as a new instance has it.
-    generation: u32,
     /// A message without a place was lost, and no message has told it yet.
     lost: bool,
     /// SFC 105 goes on here: its MODE and SI_ID, and the last number that it has given.
@@ -135,7 +133,6 @@ impl Default for AlarmTable {
             exceptions: Vec::with_capacity(EXCEPTIONS),
             displays: Displays::default(),
             number: 0,
-            generation: 1,
             lost: false,
             reading: None,
         }
@@ -160,12 +157,6 @@ impl AlarmTable {
         self.number
     }
 
-    /// The restarts so far. An instance that does not have this number has not been called since the last.
-    #[must_use]
-    pub const fn generation(&self) -> u32 {
-        self.generation
-    }
-
     /// A warm or cold restart or a memory reset: all alarms are deleted, and all that waits. A number that is locked
     /// stays locked over a warm restart ("a disabled message remains disabled until it is enabled again").
     pub fn restart(&mut self, unlocks: bool, time: AlarmTime) {
@@ -179,7 +170,6 @@ impl AlarmTable {
             self.exceptions.clear();
             self.all_locked = false;
         }
-        self.generation = self.generation.wrapping_add(1).max(1);
         self.change(AlarmChange::Deleted, AlarmState::default(), time);
     }
 
@@ -332,7 +322,8 @@ impl AlarmTable {
             self.send(place, 1, (time, *values), false);
             Ok(known.is_none() && self.index.len() == ALARMS)
         } else {
-            // The current and the last one are lost, and the one before tells it. ["Temporary Storage of Signal States"]
+            // The current and the last one are lost, and the one before tells it.
+            // ["Temporary Storage of Signal States"]
             if waiting == MEMORIES && self.take_back(id) {
                 let is_its = |event: &&mut AlarmEvent| {
                     event.state.id == id && matches!(event.change, AlarmChange::Message { .. })

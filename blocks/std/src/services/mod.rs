@@ -1,8 +1,8 @@
 //! Services of the CPU that some standard blocks need: state the CPU keeps, and traits it implements.
 //!
 //! If the rules of a service are those of the reference manual, its state is here together with its rules (error
-//! filter, alarms, interrupt locks, run-time meters, interrupts by time): the CPU keeps the state and asks it. What the CPU
-//! does in its own way (memory of data blocks, images, the diagnostic buffer) is a trait.
+//! filter, alarms, interrupt locks, run-time meters, interrupts by time): the CPU keeps the state and asks it. What the
+//! CPU does in its own way (memory of data blocks, images, the diagnostic buffer) is a trait.
 
 mod alarms;
 mod filter;

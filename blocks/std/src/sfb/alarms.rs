@@ -22,7 +22,7 @@ params!(Notify8p {
     InOut {
         SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY, SD_5: ANY, SD_6: ANY, SD_7: ANY, SD_8: ANY, SD_9: ANY, SD_10: ANY,
     }
-    Static { GENERATION: DWORD, NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
+    Static { NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
 });
 params!(Notify {
     Input { SIG: BOOL, ID: WORD = [0xEE, 0xEE], EV_ID: DWORD, SEVERITY: WORD = [0, 64] }
@@ -30,7 +30,7 @@ params!(Notify {
     InOut {
         SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY, SD_5: ANY, SD_6: ANY, SD_7: ANY, SD_8: ANY, SD_9: ANY, SD_10: ANY,
     }
-    Static { GENERATION: DWORD, NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
+    Static { NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
 });
 params!(Alarm {
     Input { EN_R: BOOL, SIG: BOOL, ID: WORD = [0xEE, 0xEE], EV_ID: DWORD, SEVERITY: WORD = [0, 64] }
@@ -38,7 +38,7 @@ params!(Alarm {
     InOut {
         SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY, SD_5: ANY, SD_6: ANY, SD_7: ANY, SD_8: ANY, SD_9: ANY, SD_10: ANY,
     }
-    Static { GENERATION: DWORD, NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
+    Static { NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
 });
 params!(Alarm8 {
     Input {
@@ -47,7 +47,7 @@ params!(Alarm8 {
         ID: WORD = [0xEE, 0xEE], EV_ID: DWORD, SEVERITY: WORD = [0, 64],
     }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD, ACK_STATE: WORD = [0xFF, 0xFF] }
-    Static { GENERATION: DWORD, NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
+    Static { NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
 });
 params!(Alarm8p {
     Input {
@@ -59,7 +59,7 @@ params!(Alarm8p {
     InOut {
         SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY, SD_5: ANY, SD_6: ANY, SD_7: ANY, SD_8: ANY, SD_9: ANY, SD_10: ANY,
     }
-    Static { GENERATION: DWORD, NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
+    Static { NUMBER: DWORD, PLACE: WORD, LAST: BYTE, WAITS: BOOL }
 });
 params!(ArSend {
     Input { REQ: BOOL, R: BOOL, ID: WORD = [0xEE, 0xEE], AR_ID: DWORD }
@@ -130,7 +130,7 @@ macro_rules! face {
             done: At($params::DONE as u32),
             acknowledged: face!(@acknowledged $params $($ack)?),
             values: face!(@values $params $($value)?),
-            statics: At($params::GENERATION as u32),
+            statics: At($params::NUMBER as u32),
         };
     };
     (@acknowledged $params:ident) => { None };
@@ -180,28 +180,23 @@ impl Face {
 
 /// One call: looks for transitions, sends a message of them, and gives the acknowledgements out.
 fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
-    let [generation, number, place, last, waits] = [0, 1, 2, 3, 4].map(|index| face.fixed(index));
+    let [number, place, last, waits] = [0, 1, 2, 3].map(|index| face.fixed(index));
     let owner = call.cx.instance_place();
     let (mut id, mut at) = (call.raw(number), call.word(place));
-    let called = call.raw(generation);
-    let table = call.cx.messages().alarms();
-    // ID and EV_ID count at the first call only, and again after a restart.
-    let is_first = called != table.generation() || table.registered(at, id, owner).is_none();
+    // ID and EV_ID count at the first call only, and again after a restart, which has emptied the table.
+    let is_first = call.cx.messages().alarms().registered(at, id, owner).is_none();
     if is_first {
         // At the first call a pointer that is none is an error; later the message is sent without the value.
         id = call.raw(face.number);
         if face.values(call).1 == Value::NoPointer {
             return face.end(call, false, true, BAD_NUMBER);
         }
-        let table = call.cx.messages().alarms();
-        let now = table.generation();
-        at = match table.register(face.kind, id, owner) {
+        at = match call.cx.messages().alarms().register(face.kind, id, owner) {
             Ok(place) => place,
             Err(NoPlaceFor::Number) => return face.end(call, false, true, BAD_NUMBER),
             Err(NoPlaceFor::Taken) => return face.end(call, false, true, TAKEN),
             Err(NoPlaceFor::Full) => return face.end(call, false, true, NO_ROOM),
         };
-        call.set(generation, now);
         call.set(number, id);
         call.set(place, u32::from(at));
         call.set(last, 0);

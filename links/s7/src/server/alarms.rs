@@ -23,8 +23,6 @@ const MESSAGE: u8 = 0x16;
 const ACKNOWLEDGEMENT: u8 = 0x19;
 const QUERY: u8 = 0x1A;
 const EIGHT_SIGNALS: u8 = 0x1C;
-/// Messages before this one were lost. No recording shows the byte with another value than 0.
-const OVERFLOW: u8 = 0x01;
 /// Queries: all of a type (WinCC has two more numbers for it), or one message number.
 const BY_TYPE: [u8; 3] = [0x01, 0x08, 0x09];
 const BY_NUMBER: u8 = 0x03;
@@ -66,7 +64,9 @@ pub(super) fn telegram(event: &AlarmEvent, lost: bool, pdu: usize) -> Option<Vec
             let syntax = if eight { EIGHT_SIGNALS } else { MESSAGE };
             let more = [changed & !state.signals, changed & state.signals, changed, 0];
             let more = if eight { &more[..] } else { &[] };
-            let flags = if overflow || lost { OVERFLOW } else { 0 };
+            // Messages before this one were lost. No recording shows the byte with another value than 0; for the
+            // dissector it has a bit for each signal.
+            let flags = if overflow || lost { changed.max(1) } else { 0 };
             object(&mut data, syntax, values.len() as u8, state.id, &[state.signals, flags, state.going, state.coming]);
             if let Some(len) = data.get_mut(11) {
                 *len += more.len() as u8;

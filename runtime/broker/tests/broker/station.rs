@@ -9,7 +9,7 @@ use ob1_access::door::{
 use ob1_access::{Cell, Piece, Put, Right, Width};
 use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, LinkState, feed};
 use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, system_blocks};
-use ob1_model::{Area, BlockId, BlockKind};
+use ob1_model::{AlarmEvent, Area, BlockId, BlockKind};
 use ob1_socket::handover;
 use ob1_stl::{Library, Options, Source, compile};
 use ob1_time::{Instant, Span};
@@ -131,6 +131,8 @@ pub(crate) struct Station {
     pub(crate) records: Arc<Mutex<Vec<String>>>,
     /// Events that came while others were waited for.
     pub(crate) seen: Vec<Event>,
+    /// The same of changes of alarms, with the client.
+    pub(crate) changed: Vec<(u32, AlarmEvent)>,
 }
 
 pub(crate) fn link(name: &str, rights: Right) -> LinkConfig {
@@ -156,8 +158,17 @@ impl Station {
         let facts = Box::new(Plant { up, changes: log, changed: Vec::new(), records: Arc::clone(&records) });
         let broker = Broker::new(&mut cpu, links, end, facts).expect("a broker");
         cpu.request(ob1_cpu::Command::Warm);
-        let mut station =
-            Self { cpu, broker, feed: scan, time: Instant::START, driver_up, changes, records, seen: Vec::new() };
+        let mut station = Self {
+            cpu,
+            broker,
+            feed: scan,
+            time: Instant::START,
+            driver_up,
+            changes,
+            records,
+            seen: Vec::new(),
+            changed: Vec::new(),
+        };
         station.cycles(2);
         station
     }
@@ -213,8 +224,10 @@ impl Station {
                 if wanted(&news) {
                     return news;
                 }
-                if let News::Event(event) = news {
-                    self.seen.push(event);
+                match news {
+                    News::Event(event) => self.seen.push(event),
+                    News::Alarm { client, event } => self.changed.push((client, *event)),
+                    _ => {}
                 }
             }
             self.broker.step(self.time);

@@ -91,6 +91,9 @@ enum Then {
 impl Serving {
     fn run(&mut self, listener: &UnixListener, stopped: &OwnedFd) {
         let mut clients = Clients::new();
+        if !self.view.alarm_texts.is_empty() {
+            self.control.log_on();
+        }
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         loop {
             let due = self.under_way.iter().map(|request| request.pending.due()).min();

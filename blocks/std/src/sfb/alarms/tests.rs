@@ -101,9 +101,7 @@ fn statics_that_were_overwritten() {
     for key in KEYS {
         let mut fake = block(key, 7);
         fake.run();
-        for (name, bytes) in
-            [("PLACE", &[0xFF, 0xFF][..]), ("NUMBER", &[9; 4]), ("GENERATION", &[0; 4]), ("LAST", &[0xFF])]
-        {
+        for (name, bytes) in [("PLACE", &[0xFF, 0xFF][..]), ("NUMBER", &[9; 4]), ("LAST", &[0xFF])] {
             fake.set(name, bytes);
             fake.run();
             assert_eq!(fake.value("ERROR"), 0, "{key} {name}");
