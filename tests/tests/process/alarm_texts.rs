@@ -1,10 +1,8 @@
 //! Alarms with texts: `ob1 alarms`, the control socket, the page's requests and figures.
 
-use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use serde_json::{Value, json};
 
-use serde_json::Value;
-
+use crate::common::gate::{Visitor, add_user};
 use crate::common::s7::free_port;
 use crate::common::site::Site;
 use crate::common::station::counting;
@@ -25,33 +23,13 @@ const TEXTS: &str = "number;text;info;class;priority\n\
                      16#60000001;Pump @1W%d@: @2I%4d@ bar;Close valve V3;fault;9\n\
                      16#60000002;\"Tank; empty\";;warning;1\n";
 
-/// The answer of the gate to a request: its status and its body.
-fn http(port: u16, request: &str) -> (u16, String) {
-    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("the gate listens");
-    stream.write_all(request.as_bytes()).expect("sent");
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).expect("an answer");
-    let status = answer.split(' ').nth(1).and_then(|code| code.parse().ok()).expect("a status");
-    let body = answer.split_once("\r\n\r\n").map(|(_, body)| body.to_owned()).unwrap_or_default();
-    (status, body)
-}
-
-fn get(port: u16, path: &str) -> (u16, String) {
-    http(port, &format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n"))
-}
-
-fn post(port: u16, path: &str, body: &str) -> (u16, String) {
-    let head = format!("POST {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n");
-    let length = body.len();
-    http(port, &format!("{head}Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}"))
-}
-
 #[test]
 fn alarms_are_shown_with_their_texts_and_acknowledged() {
     let site = Site::new();
     let (page, figures) = (free_port(), free_port());
     site.write("plant.awl", &counting("DATA_BLOCK DB 33 SFB 33\nBEGIN\nEND_DATA_BLOCK\n", REST));
     site.write("alarms.csv", TEXTS);
+    add_user(&site, "a.users", "olga", "write", "olga-password");
     let link = |kind: &str, port, rights: &str| {
         format!("\n[[link]]\ntype = \"{kind}\"\nname = \"{kind}\"\nlisten = \"127.0.0.1:{port}\"\n{rights}")
     };
@@ -60,12 +38,12 @@ fn alarms_are_shown_with_their_texts_and_acknowledged() {
         &format!(
             "[station]\nname = \"alarm-texts\"\n\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"10s\"\n\n[program]\n\
              sources = [\"plant.awl\"]\nalarms = \"alarms.csv\"\n{}{}",
-            link("web", page, "rights = \"write\"\n"),
+            link("web", page, "rights = \"write\"\nusers = \"a.users\"\n"),
             link("metrics", figures, "")
         ),
     );
     let station = site.run("station.toml").until_run();
-    station.until("the page listens", |_| TcpStream::connect(("127.0.0.1", page)).ok());
+    station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
     let alarms = || site.ob1(&["alarms", "alarm-texts"]).fine();
     assert_eq!(alarms(), "no alarm is active or waits for its acknowledgement\n");
     station.set("MW 10", 3);
@@ -80,19 +58,23 @@ fn alarms_are_shown_with_their_texts_and_acknowledged() {
     assert!(lines[0].starts_with("active, open") && lines[0].contains("Pump 3:   -7 bar"), "{both}");
     assert!(lines[0].contains("DW#16#60000001.1  fault") && lines[1].trim() == "Close valve V3", "{both}");
     assert!(lines[2].contains("DW#16#60000002.1  warning  Tank; empty"), "{both}");
-    let json: Value = serde_json::from_str(&site.ob1(&["alarms", "alarm-texts", "--json"]).fine()).expect("JSON");
-    assert_eq!((&json[0]["number"], &json[1]["priority"]), (&0x6000_0001.into(), &1.into()), "{json}");
+    let told: Value = serde_json::from_str(&site.ob1(&["alarms", "alarm-texts", "--json"]).fine()).expect("JSON");
+    assert_eq!((&told[0]["number"], &told[1]["priority"]), (&json!(0x6000_0001), &json!(1)), "{told}");
 
     // The page and the figures tell the same.
-    let (status, told) = get(page, "/api/alarms");
-    assert_eq!((status, serde_json::from_str::<Value>(&told).expect("JSON")), (200, json));
-    let count = |what: &str| station.until(what, |_| get(figures, "/metrics").1.contains(what).then_some(()));
+    let olga = Visitor::as_user(page, "olga", "olga-password");
+    assert_eq!(olga.get("/api/alarms").json(), told);
+    assert_eq!(Visitor::at(page).get("/api/alarms").status, 401);
+    let count =
+        |what: &str| station.until(what, |_| Visitor::at(figures).get("/metrics").body.contains(what).then_some(()));
     count("\nob1_alarms_active 2\n");
     count("\nob1_alarms_unacknowledged 2\n");
 
     // Acknowledged over the page, then by the tool; what has gone disappears.
-    let (status, told) = post(page, "/api/acknowledge", "{\"numbers\":[1610612737]}");
-    assert_eq!((status, told.as_str()), (200, "{\"acknowledged\":1}"));
+    let answer = olga.post("/api/acknowledge", &json!({ "numbers": [0x6000_0001] }));
+    assert_eq!((answer.status, answer.json()), (200, json!({ "acknowledged": 1 })));
+    let audit = std::fs::read_to_string(site.path("alarm-texts.audit")).expect("the audit log");
+    assert!(audit.lines().any(|line| line.contains("olga") && line.contains("acknowledge 1610612737")), "{audit}");
     station.until("the first is acknowledged", |_| alarms().starts_with("active  ").then_some(()));
     station.set("M 0.0", 0);
     station.until("the first has gone", |_| (!alarms().contains("Pump")).then_some(()));
@@ -102,7 +84,7 @@ fn alarms_are_shown_with_their_texts_and_acknowledged() {
     station.until("nothing is left", |_| alarms().starts_with("no alarm").then_some(()));
     let refused = site.ob1(&["alarms", "alarm-texts", "ack", "99"]);
     assert!(refused.err.contains("there is no alarm DW#16#00000063"), "{}", refused.err);
-    assert_eq!(post(page, "/api/acknowledge", "{\"numbers\":[]}").0, 400);
+    assert_eq!(olga.post("/api/acknowledge", &json!({ "numbers": [] })).status, 400);
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
@@ -120,8 +102,9 @@ fn a_page_that_may_only_read_does_not_acknowledge() {
         ),
     );
     let station = site.run("station.toml").until_run();
-    station.until("the page listens", |_| TcpStream::connect(("127.0.0.1", page)).ok());
-    assert_eq!(get(page, "/api/alarms"), (200, "[]".to_owned()));
-    assert_eq!(post(page, "/api/acknowledge", "{\"numbers\":[1]}").0, 403);
+    station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
+    let visitor = Visitor::at(page);
+    assert_eq!(visitor.get("/api/alarms").json(), json!([]));
+    assert_eq!(visitor.post("/api/acknowledge", &json!({ "numbers": [1] })).status, 403);
     assert_eq!(station.interrupt().code(), Some(0));
 }
