@@ -1,8 +1,8 @@
 //! Texts of alarms with places for the values that come with them, in Siemens' form: `Pressure @1R%6.2f@ bar`.
 //!
 //! A place is `@`, the number of a value, the letter of its type, `%` and how it is shown, `@`. ["Inserting Associated
-//! Values into Messages" in "Programming with STEP 7"] An alarm with several values has them by their numbers. If it has
-//! one, like those of SFC 17, the number counts elements of the type within it.
+//! Values into Messages" in "Programming with STEP 7"] An alarm with several values has them by their numbers. If it
+//! has one, like those of SFC 17, the number counts elements of the type within it.
 
 use std::fmt::Write as _;
 

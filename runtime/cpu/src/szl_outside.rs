@@ -38,8 +38,8 @@ pub(crate) fn capabilities(family: Family, index: u16, each: Each<'_>) -> Length
             .word(10)
             .word(0)
             .word(1),
-        // Operator interface: reading once and cyclically; P, I, Q, M, DB, timers, counters; bytes of a job; cyclic jobs,
-        // their shortest and longest period. An S7-400 has all bits of the first two bytes. [recorded]
+        // Operator interface: reading once and cyclically; P, I, Q, M, DB, timers, counters; bytes of a job; cyclic
+        // jobs, their shortest and longest period. An S7-400 has all bits of the first two bytes. [recorded]
         3 => {
             let functions = if large { [0xFF, 0xFF] } else { [0x7F, 0xFC] };
             let record = record.put(&functions).put(&[0x83, 0x01]).word(cyclic.bytes).word(cyclic.jobs);

@@ -11,8 +11,8 @@ use crate::remote::print_json;
 /// List the alarms of a running station, or acknowledge them
 ///
 /// Those that are active or not acknowledged, the most urgent first: state, time by the CPU's clock, message number,
-/// text with its values. The texts are those of the table `alarms` in [program]. What the program has sent with ALARM_SQ,
-/// ALARM_DQ, ALARM, ALARM_8 or ALARM_8P is to be acknowledged; whoever has done so, every display is told.
+/// text with its values. The texts are those of the table `alarms` in [program]. What the program has sent with
+/// ALARM_SQ, ALARM_DQ, ALARM, ALARM_8 or ALARM_8P is to be acknowledged; whoever has done so, every display is told.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 alarms press.toml\n  ob1 alarms press ack 16#60000001\n  ob1 alarms press ack all\n\nExit codes: 0 done, \

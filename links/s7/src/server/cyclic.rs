@@ -1,10 +1,10 @@
 //! Cyclic data: a partner names variables and a period, and gets their values in each period, or only what has changed.
 //!
-//! What is told of changes is how an S7-400 did it in recordings with WinCC: the answer to the job has all values. Then,
-//! at the end of a period, nothing if nothing has changed since the last message; otherwise one message with all areas
-//! of data blocks in order, those that are as they were told last by their mark alone. After a write of the same partner
-//! the next message of each such job is complete, and comes even if nothing has changed: by it the partner sees what has
-//! become of the written values.
+//! What is told of changes is how an S7-400 did it in recordings with WinCC: the answer to the job has all values.
+//! Then, at the end of a period, nothing if nothing has changed since the last message; otherwise one message with all
+//! areas of data blocks in order, those that are as they were told last by their mark alone. After a write of the same
+//! partner the next message of each such job is complete, and comes even if nothing has changed: by it the partner sees
+//! what has become of the written values.
 
 use std::collections::VecDeque;
 
