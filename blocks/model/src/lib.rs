@@ -10,6 +10,7 @@ mod block;
 pub mod calendar;
 mod cell;
 pub mod cells;
+mod cyclic;
 mod debug;
 mod fault;
 mod force;
@@ -31,6 +32,7 @@ pub use alarm::{
 };
 pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
+pub use cyclic::{CYCLIC_300, CYCLIC_400, CyclicLimits};
 pub use debug::{BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, HELD_LOCAL, Held, HeldBlock, Resume};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use force::{FORCED_300, FORCED_400, Forced, ForcedArea};

@@ -5,6 +5,8 @@
 //! It knows the program's names and the terms of an S7, but no CPU: callers that read and write cells ask it for their
 //! meaning.
 
+pub mod alarm_text;
+pub mod alarms;
 pub mod audit;
 mod datum;
 pub mod door;

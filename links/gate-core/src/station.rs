@@ -8,8 +8,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use ob1_access::alarms::{AlarmTexts, StandingAlarm, standing};
 use ob1_access::door::{Answer, Ask, Document, Door, DoorError, Event, OUTSTANDING, Reading, Welcome};
 use ob1_access::{Piece, Put, Right};
+use ob1_model::{AlarmOrder, AlarmQuery};
 use serde_json::Value;
 use tokio::sync::{Mutex, OnceCell, Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio::time::Instant;
@@ -21,6 +23,8 @@ use crate::{Audit, Catalog, Memory, Tls, Trouble, Users};
 const SHORTEST: Duration = Duration::from_millis(10);
 /// Maximum of concurrent reads of all tasks that wait for their first snapshot.
 const READS: usize = 256;
+/// What does not change while the station runs is asked for once.
+const FOR_EVER: Duration = Duration::from_secs(u64::MAX);
 /// Documents have a client of their own at the broker, so that other questions do not block them; 0 is the link.
 const DOCUMENTS: u32 = 0;
 
@@ -206,6 +210,19 @@ impl Station {
         Client(Arc::new(Inner { station: self.clone(), who, number, turns: Semaphore::new(OUTSTANDING) }))
     }
 
+    /// The alarms that are active or not acknowledged.
+    ///
+    /// # Errors
+    /// [`Trouble`].
+    pub async fn alarms(&self) -> Result<Vec<StandingAlarm>, Trouble> {
+        let texts = self.document(Document::AlarmTexts, FOR_EVER).await?;
+        let texts = AlarmTexts::read(&texts).ok_or_else(|| Trouble::Program("texts of alarms".into()))?;
+        match self.ask(DOCUMENTS, Ask::Alarms(AlarmOrder::Query(AlarmQuery::Standing))).await? {
+            Answer::Alarms { list, .. } => Ok(standing(&list, &texts)),
+            _ => Err(Trouble::Program("the broker sends another answer".into())),
+        }
+    }
+
     async fn ask(&self, client: u32, ask: Ask) -> Result<Answer, Trouble> {
         let (to, answer) = oneshot::channel();
         self.0.orders.send(Order::Ask { client, ask, to }).map_err(|_| Trouble::Gone)?;
@@ -282,8 +299,14 @@ impl Client {
     /// # Errors
     /// [`Trouble`].
     pub async fn ask(&self, ask: Ask) -> Result<Answer, Trouble> {
+        let mut needs = Right::Operate;
         let what = match &ask {
             Ask::Command(command) => format!("command {}", command.word()),
+            Ask::Alarms(AlarmOrder::Acknowledge(acks)) => {
+                needs = Right::Write;
+                let numbers: Vec<String> = acks.iter().map(|ack| ack.id.to_string()).collect();
+                format!("acknowledge {}", numbers.join(" "))
+            }
             // Two digits in each byte.
             Ask::SetClock([y, m, d, hours, minutes, seconds, ..]) => {
                 format!("set clock {y:02X}-{m:02X}-{d:02X} {hours:02X}:{minutes:02X}:{seconds:02X}")
@@ -297,7 +320,7 @@ impl Client {
         };
         let (to, answer) = oneshot::channel();
         let order = Order::Ask { client: self.0.number, ask, to };
-        self.audited(what, Right::Operate, order, answer, |_: &Answer| "done".to_owned()).await
+        self.audited(what, needs, order, answer, |_: &Answer| "done".to_owned()).await
     }
 
     /// Does something that needs a right, and logs it, whatever its outcome and even if the caller goes away.

@@ -3,11 +3,12 @@ import { current, say, switchLanguage } from "./words.js";
 import { byId, h } from "./kit.js";
 import { ask, begin, frame, state, want } from "./session.js";
 import { diagnostics, remember, reports, scan, station, telegrams } from "./views.js";
+import { alarms, watch } from "./alarms.js";
 import { io } from "./io.js";
 import { variables } from "./table.js";
 import { program } from "./program.js";
 
-const views = { station, io, program, variables, diagnostics, scan, telegrams, reports };
+const views = { station, alarms, io, program, variables, diagnostics, scan, telegrams, reports };
 
 const chosen = () => {
   const key = location.hash.slice(1).split("?")[0];
@@ -106,4 +107,4 @@ addEventListener("hashchange", () => {
   byId("main").focus({ preventScroll: true });
   scrollTo(0, 0);
 });
-begin();
+begin().then(watch);

@@ -13,6 +13,13 @@ const words = {
   asOf: ["No connection: as of {0}, trying again", "Keine Verbindung: Stand von {0}, neuer Versuch"],
   loading: ["Loading …", "Lädt …"], loginWanted: ["Log in to this station.", "Melden Sie sich an dieser Station an."],
 
+  alarms: ["Alarms", "Meldungen"], noAlarms: ["No alarm is active or waits for its acknowledgement.", "Keine Meldung steht an oder wartet auf ihre Quittierung."],
+  bell: ["{0} alarms, {1} not acknowledged", "{0} Meldungen, {1} nicht quittiert"],
+  alarmState: ["State", "Zustand"], alarmCame: ["Came", "Gekommen"], alarmSince: ["Since", "Seit"], alarmClass: ["Class", "Klasse"],
+  alarmAck: ["Acknowledgement", "Quittierung"], alarmActive: ["active", "steht an"], alarmGone: ["gone", "gegangen"],
+  alarmDone: ["not needed", "nicht nötig"], alarmOpen: ["open", "offen"], alarmLocked: ["locked: not sent to displays", "gesperrt: wird nicht gemeldet"],
+  acknowledge: ["Acknowledge", "Quittieren"], acknowledgeAll: ["Acknowledge all", "Alle quittieren"],
+
   running: ["The station runs.", "Die Station läuft."], starting: ["The station starts up.", "Die Station läuft an."],
   held: ["The station holds at a breakpoint.", "Die Station hält am Haltepunkt."],
   stopped: ["The station is in STOP.", "Die Station ist in STOP."], stoppedBy: ["Cause of the STOP:", "Ursache des STOP:"],

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use hyper::header::{ACCEPT, AUTHORIZATION, HeaderMap, HeaderValue, WWW_AUTHENTICATE};
 use hyper::{Method, StatusCode};
+use ob1_access::alarms::StandingAlarm;
 use ob1_access::door::{Document, What};
 use ob1_gate_core::{Link, Source, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
@@ -125,7 +126,10 @@ impl Figures {
             *value = serde_json::from_slice(&text).map_err(|error| Trouble::Program(error.to_string()))?;
         }
         let [status, timing, links, buffers] = documents;
-        Ok(text::figures(&text::Told { status, timing, links, buffers }, &self.events.borrow(), format))
+        let alarms = self.station.alarms().await?;
+        let count = |which: &dyn Fn(&StandingAlarm) -> bool| alarms.iter().filter(|alarm| which(alarm)).count();
+        let alarms = [count(&|alarm| alarm.active), count(&|alarm| !alarm.acknowledged)];
+        Ok(text::figures(&text::Told { status, timing, links, buffers, alarms }, &self.events.borrow(), format))
     }
 }
 

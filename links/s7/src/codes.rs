@@ -22,6 +22,8 @@ impl ItemCode {
     pub const INCONSISTENT: Self = Self(0x07);
     /// No such object: the data block is not there. In services of a programming device: no data.
     pub const NO_OBJECT: Self = Self(0x0A);
+    /// In cyclic data: as it was sent last.
+    pub const UNCHANGED: Self = Self(0xFE);
 
     /// The code in words.
     #[must_use]
@@ -34,6 +36,7 @@ impl ItemCode {
             Self::TYPE => "the data type is not supported",
             Self::INCONSISTENT => "data type or length do not match",
             Self::NO_OBJECT => "there is no such object",
+            Self::UNCHANGED => "unchanged",
             _ => "unknown code",
         }
     }
@@ -112,10 +115,16 @@ codes! {
     CYCLIC_ADDRESS = 0xD801 "an address is wrong";
     /// No such cyclic job.
     CYCLIC_JOB = 0xD802 "there is no such job";
+    /// A cyclic job is not in the state for it.
+    CYCLIC_STATE = 0xD803 "the job is not in this state";
     /// A wrong cycle time.
     CYCLIC_TIME = 0xD804 "not a cycle time";
     /// No room for another cyclic job.
     CYCLIC_FULL = 0xD805 "no further cyclic job is possible";
+    /// What is asked for is not possible with a cyclic job of its kind.
+    CYCLIC_KIND = 0xD806 "not possible with this job";
+    /// The values could not be read within the period.
+    CYCLIC_OVERLOAD = 0xD807 "overload: reading takes longer than the period";
     /// Not a date and time.
     CLOCK = 0xDC01 "not a date and time";
     /// Not the number of a test job.

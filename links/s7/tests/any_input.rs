@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{CALL, Desk, ModelCpu, block, item, items, job, service, test_data, test_words};
+use common::{CALL, Desk, ModelCpu, areas, block, item, items, job, service, test_data, test_words};
 use ob1_s7::Rights;
 use ob1_s7::server::{Connection, Settings};
 use ob1_s7::wire::BlockType;
@@ -95,7 +95,26 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
             };
             service(1, function, &test_data(words, more, &data))
         });
+    // Several areas in one item, in reads and in cyclic jobs, which are also changed and deleted.
+    let area = (0u8..6, prop_oneof![Just(1u16), 0u16..12], 0u16..12);
+    let many = prop::collection::vec(prop::collection::vec(area, 0..8).prop_map(|list| areas(&list)), 1..4);
+    let many = (many, list.clone()).prop_map(|(mut many, list)| {
+        many.extend(list);
+        let padded = |item: &Vec<u8>| item.iter().copied().chain((item.len() % 2 == 1).then_some(0)).collect();
+        many.iter().map(padded).collect::<Vec<Vec<u8>>>()
+    });
+    let of_areas = many.clone().prop_map(|many| job(2, &items(4, &many), &[]));
+    let cyclic =
+        (many, prop::sample::select(vec![1u8, 4, 5, 7]), 0u8..4, 0u8..20).prop_map(|(many, sub, base, number)| {
+            let head = [0, many.len() as u8, base, number];
+            let data = if sub == 4 { vec![5, number] } else { [&head[..], &many.concat()].concat() };
+            let mut bytes = service(2, sub, &data[..data.len().min(250)]);
+            bytes[17] = number;
+            bytes
+        });
     prop_oneof![
+        of_areas,
+        cyclic,
         list.prop_map(|list| job(2, &items(4, &list), &[])),
         writes,
         control,
@@ -243,8 +262,8 @@ fn the_generator_changes_everything_it_may() {
     let before = ModelCpu::default();
     let strategy = any_message();
     let mut changed = [false; 8];
-    for round in 0..6000 {
-        if round % 500 == 0 {
+    for round in 0..20_000 {
+        if round % 1000 == 0 {
             desk = self::desk(Rights::Operate);
         }
         feed(&mut desk, &strategy.new_tree(&mut runner).expect("it has values").current());

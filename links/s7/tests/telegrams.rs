@@ -440,7 +440,7 @@ fn cyclic_data_come_by_themselves() {
     for bad in [[0, 1, 0, 0], [0, 1, 3, 1]] {
         assert_eq!(desk.service(2, 1, &[&bad[..], &item(2, 2, 0, 0x83, 0)].concat())[0][20..22], [0xD8, 0x04]);
     }
-    for _ in 0..7 {
+    for _ in 0..15 {
         assert_eq!(desk.service(2, 1, &wanted)[0][20..22], [0, 0]);
     }
     assert_eq!(desk.service(2, 1, &wanted)[0][20..22], [0xD8, 0x05]);

@@ -56,7 +56,7 @@ impl SystemStatus for Machine {
             0x001C | 0x011C => self.components((id == 0x011C).then_some(index), each),
             0x0222 => self.interrupt_status(index, each),
             0x0025 => szl_outside::partitions(),
-            0x0131 => szl_outside::capabilities(index, each),
+            0x0131 => szl_outside::capabilities(self.config.family, index, each),
             0x0132 | 0x0232 => szl_outside::communication(id, index, self.wall.bytes(self.hot.now), each),
             0x0092 | 0x0292 | 0x0692 => szl_outside::racks(&self.modules, id, index, each),
             0x0024 | 0x0124 => self.operating_state(false, each),

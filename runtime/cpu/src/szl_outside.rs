@@ -3,8 +3,10 @@
 //! What belongs to a connection (its PDU, its level of protection) the link puts in; a program that asks with SFC 51
 //! sees zeros there. ["System Status Lists (SSL)" of the system software reference]
 
+use ob1_model::{CYCLIC_300, CYCLIC_400};
 use ob1_std::services::StatusError;
 
+use crate::Family;
 use crate::modules::{Modules, Plugged};
 use crate::szl_record::{Each, Length, Record};
 
@@ -16,9 +18,11 @@ const PARTITION: u16 = 4;
 const RACKS: u16 = 16;
 
 /// List 0131: what can be done by communication. Clients that know no index ask for 0: they mean the general record.
-/// Index 8, the times of the test functions, and 7 and 10 are not there in an S7-300 either.
-pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
+/// Index 8, the times of the test functions, and 7 are not there in an S7-300 either.
+pub(crate) fn capabilities(family: Family, index: u16, each: Each<'_>) -> Length {
     let index = index.max(1);
+    let large = family == Family::S7_400;
+    let cyclic = if large { CYCLIC_400 } else { CYCLIC_300 };
     let record = Record::<40>::new().word(index);
     let record = match index {
         // PDU and connections: the link's. Data rates of MPI and K bus, as those of a 315-2 PN/DP.
@@ -34,19 +38,29 @@ pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
             .word(10)
             .word(0)
             .word(1),
-        // Operator interface: reading once and cyclically; P, I, Q, M, DB, timers, counters; bytes of a job; jobs, from
-        // 100 ms to 10 s * 255.
-        3 => record.put(&[0x7F, 0xFC, 0x83, 0x01]).word(240).word(8).word(1).word(25_500),
+        // Operator interface: reading once and cyclically; P, I, Q, M, DB, timers, counters; bytes of a job; cyclic
+        // jobs, their shortest and longest period. An S7-400 has all bits of the first two bytes. [recorded]
+        3 => {
+            let functions = if large { [0xFF, 0xFF] } else { [0x7F, 0xFC] };
+            let record = record.put(&functions).put(&[0x83, 0x01]).word(cyclic.bytes).word(cyclic.jobs);
+            record.word(1).word(cyclic.longest)
+        }
         // Diagnosis: identification, status lists, buffer, messages.
         4 => record.put(&[0xFE, 0x01, 0x62, 0x41, 0x63, 0, 0x1E, 0, 0x10, 0x10, 0x10, 0x04, 0x02, 0]).word(2).word(2),
         // Diagnostic messages: kinds, partners at one time, entries of the buffer.
         5 => record.put(&[0x3E, 0, 0, 0, 0, 0, 0, 0]).word(12).word(crate::DIAG_ENTRIES as u16).word(0),
-        // Blocks of communication and of messages (SFC 17, 18, 19).
+        // Blocks of communication and of messages: SFC 17, 18, 19; of an S7-400 also SFB 31, 33 to 37, SFC 9, 10.
+        6 if large => record
+            .put(&[0xF3, 0, 0xE0, 0xFB, 0x01, 0xF0, 0xFF, 0x7E, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4])
+            .put(&[0, 0, 0, 0x20, 1, 0, 0, 0x0A, 0, 0x4C, 0xFF, 0xFF, 0x05, 0xC0]),
         6 => record
             .put(&[0xF3, 0, 0, 0xF8, 0x01, 0xF0, 0xFF, 0x4E, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4])
             .put(&[0, 0, 0, 0x20, 1, 0, 0, 0x0A, 0, 0x4C, 0xFF, 0xFF, 0x05, 0xC0]),
         // Global data and time synchronization: not of a network.
         9 => record.put(&[1, 1, 1, 0]).word(503).word(503).word(1).word(1),
+        // Messages about blocks, of an S7-400 only: kinds; areas of signals (I, Q, M, DB); areas and types of their
+        // values; archives of AR_SEND. [recorded]
+        0x10 if large => record.put(&[0x3F, 0, 0x0F, 0, 0x3F, 0, 0x7F, 0]).word(64),
         _ => return Err(StatusError::Index),
     };
     each(&record.bytes);

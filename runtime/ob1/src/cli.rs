@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::alarms::{self, AlarmsArgs};
 use crate::bus::{self, BusArgs};
 use crate::check::{self, CheckArgs};
 use crate::ctl::{self, CtlArgs};
@@ -48,6 +49,7 @@ Examples:
   ob1 force press.toml E0.0=1                      a value that stands against the program
   ob1 ctl press.toml stop                          to STOP
   ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
+  ob1 alarms press.toml                            alarms that are active or not acknowledged
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
   ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
@@ -102,6 +104,7 @@ enum Command {
     Force(ForceArgs),
     Ctl(CtlArgs),
     Diag(DiagArgs),
+    Alarms(AlarmsArgs),
     Status(StatusArgs),
     Why(WhyArgs),
     Debug(DebugArgs),
@@ -245,6 +248,7 @@ impl Command {
             Command::Force(args) => force::force(&args),
             Command::Ctl(args) => ctl::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
+            Command::Alarms(args) => alarms::alarms(&args),
             Command::Status(args) => status::status(&args),
             Command::Why(args) => why::why(&args),
             Command::Debug(args) => debug::debug(&args),

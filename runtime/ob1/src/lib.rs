@@ -7,6 +7,7 @@
 #[macro_use(say, says, err, errs, note)]
 extern crate ob1_station;
 
+pub mod alarms;
 pub mod bus;
 pub mod check;
 pub mod cli;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ob1_access::alarms::AlarmTexts;
 use ob1_cpu::{AccountsConfig, CpuConfig, Family, ImageErrors, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 use ob1_time::Span;
@@ -65,6 +66,8 @@ pub(super) fn check(
         links,
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| place(f, s, folder)),
+        alarms: file.program.alarms.as_ref().map(|table| place(f, table, folder)),
+        alarm_texts: AlarmTexts::default(),
     };
     let warnings = findings.take_warnings();
     findings.into_result((station, warnings))

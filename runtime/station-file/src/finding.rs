@@ -139,6 +139,12 @@ pub struct Spot {
 }
 
 impl Spot {
+    /// Its line, from 1.
+    #[must_use]
+    pub const fn line(&self) -> u32 {
+        self.line
+    }
+
     /// A finding at this place.
     #[must_use]
     pub fn finding(&self, level: Level, code: &str, message: String, remedy: String) -> Finding {

@@ -48,6 +48,8 @@ pub const EMPTY: &str = "C019";
 pub const NO_EFFECT: &str = "C020";
 /// A name that a command was given and the program does not have.
 pub const UNKNOWN_NAME: &str = "C021";
+/// A table of alarm texts with a mistake.
+pub const ALARM_TEXTS: &str = "C022";
 
 /// The finding about a file that cannot be read, at the place that names it.
 #[must_use]

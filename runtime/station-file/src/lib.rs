@@ -3,6 +3,7 @@
 //! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every
 //! finding names file, line and column; all checks that are not about the syntax of the file report together.
 
+pub mod alarm_texts;
 mod building;
 mod buses;
 mod check;
@@ -66,7 +67,10 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let (text, name, folder) = (read(path)?, path.display().to_string(), folder_of(path));
     let source = Text { file: &name, text: &text };
     let file = tables(source)?;
-    let (station, mut warnings) = check::check(&file, source, folder)?;
+    let (mut station, mut warnings) = check::check(&file, source, folder)?;
+    if let Some((path, place)) = &station.alarms {
+        station.alarm_texts = alarm_texts::load(path, place)?;
+    }
     warnings.extend(devices::not_ready(&file, source, folder, devices::state));
     warnings.extend(coupler::unwatched(&file, source));
     warnings.extend(unplayed(&file, source));

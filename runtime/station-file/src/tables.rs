@@ -234,6 +234,7 @@ pub(super) struct ProgramTable {
     pub(super) libraries: Vec<Placed<String>>,
     #[serde(default)]
     pub(super) numbers: BTreeMap<Placed<String>, Placed<String>>,
+    pub(super) alarms: Option<Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use ob1_access::alarms::AlarmTexts;
 use ob1_coupler::BusConfig;
 use ob1_cpu::CpuConfig;
 use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
@@ -53,6 +54,10 @@ pub struct Station {
     pub links: Vec<StationLink>,
     /// A file of timed process inputs, and the place that names it.
     pub stimulus: Option<(PathBuf, Spot)>,
+    /// The table of alarm texts, and the place that names it.
+    pub alarms: Option<(PathBuf, Spot)>,
+    /// Its texts, when the files beside the station file have been looked at.
+    pub alarm_texts: AlarmTexts,
 }
 
 /// The kinds of link.

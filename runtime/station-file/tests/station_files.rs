@@ -92,6 +92,33 @@ fn the_examples_are_good() {
     }
 }
 
+/// What is said of a table of alarm texts, by number, file and line; the text of a message number.
+fn alarms(table: Option<&str>) -> Result<String, Vec<(String, String, u32)>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("s.toml");
+    std::fs::write(&path, "[station]\nname = \"s\"\n[program]\nsources = []\nalarms = \"alarms.csv\"\n")
+        .expect("writable");
+    if let Some(table) = table {
+        std::fs::write(folder.path().join("alarms.csv"), table).expect("writable");
+    }
+    let told = |finding: ob1_station_file::finding::Finding| {
+        let file = Path::new(&finding.file).file_name().expect("a file").to_string_lossy().into_owned();
+        (finding.code, file, finding.line)
+    };
+    let (station, _) =
+        ob1_station_file::load_and_look(&path).map_err(|found| found.into_iter().map(told).collect::<Vec<_>>())?;
+    Ok(station.alarm_texts.of(7, 1).map(|row| row.text.with(&[&[0, 5]])).unwrap_or_default())
+}
+
+#[test]
+fn the_table_of_alarm_texts_is_read_and_checked() {
+    assert_eq!(alarms(Some("number;text\n7;Pump @1W%d@\n")), Ok("Pump 5".to_owned()));
+    let found = |code: &str, file: &str, line| (code.to_owned(), file.to_owned(), line);
+    assert_eq!(alarms(None), Err(vec![found("C001", "s.toml", 5)]));
+    let wrong = "number;text\n7;Pump @1W%q@\n8;Tank\n8;Tank\n";
+    assert_eq!(alarms(Some(wrong)), Err(vec![found("C022", "alarms.csv", 2), found("C022", "alarms.csv", 4)]));
+}
+
 /// What is said of a module, by number and place.
 fn said_of(module: &str) -> Vec<(String, u32, String)> {
     let folder = tempfile::tempdir().expect("a folder");

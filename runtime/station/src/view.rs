@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time;
 
+use ob1_access::alarms::AlarmTexts;
 use ob1_backplane::{BufferEntry, Counter, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
@@ -40,6 +41,8 @@ pub struct StationView {
     pub family: Family,
     /// The program that runs now, and what is known of it.
     pub known: Known,
+    /// What its alarms mean.
+    pub alarm_texts: Arc<AlarmTexts>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
     /// Its buses, in the order of the station file.

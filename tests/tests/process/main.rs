@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod alarm_texts;
 mod browser;
 mod browser_program;
 mod compare;
@@ -45,6 +46,7 @@ mod s7_siege;
 mod s7_status;
 mod s7_stops;
 mod s7_tshark;
+mod s7_wincc;
 mod scan;
 mod scl_lines;
 mod serial_devices;

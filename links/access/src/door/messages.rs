@@ -139,6 +139,8 @@ pub enum Document {
     Links,
     /// The blocks as a person reads them, with the set of mnemonics.
     Sources,
+    /// The texts of alarms ([`AlarmTexts`](crate::alarms::AlarmTexts)). They do not change while the station runs.
+    AlarmTexts,
 }
 
 /// An answer of the broker.

@@ -124,7 +124,7 @@ wire!(enum Ask {
     16 => Pass(order), 17 => Point(order), 18 => Forget(ticket), 19 => Addresses { block, wanted }, 20 => Debug(order),
     21 => Force(cells), 22 => Forced, 23 => LogOn { displays, name }, 24 => Alarms(order),
 });
-wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links, 5 => Sources });
+wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links, 5 => Sources, 6 => AlarmTexts, });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),

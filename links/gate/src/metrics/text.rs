@@ -35,6 +35,8 @@ pub(super) struct Told {
     pub(super) timing: Value,
     pub(super) links: Value,
     pub(super) buffers: Value,
+    /// Alarms that are active, and those not acknowledged.
+    pub(super) alarms: [usize; 2],
 }
 
 /// Events since the gate began to listen.
@@ -173,6 +175,9 @@ fn cpu(page: &mut Page, told: &Told) {
         page.sample("ob1_cpu_state", &[("ob1_cpu_state", state)], is);
     }
     page.gauge("ob1_forced_cells", "cells that an operator has forced", list(&status["forced"]).len() as f64);
+    let [active, open] = told.alarms;
+    page.gauge("ob1_alarms_active", "alarms whose signal is 1", active as f64);
+    page.gauge("ob1_alarms_unacknowledged", "alarms that wait for their acknowledgement", open as f64);
     page.gauge("ob1_runtime_seconds", "since the runtime started", seconds(number(&status["runtime_ns"])));
     for (name, key, help) in [
         ("ob1_scans", "scans", "finished cycles in RUN"),
@@ -335,6 +340,7 @@ mod tests {
             }),
             links: json!([{ "name": "page", "up": true }, { "name": "figures", "up": false }]),
             buffers: json!([{ "name": "cp", "entries": [1, 2] }]),
+            alarms: [3, 1],
         }
     }
 

@@ -43,6 +43,7 @@ static FILES: [File; 17] = [
     script!("program.js"),
     script!("why.js"),
     script!("io.js"),
+    script!("alarms.js"),
 ];
 
 /// The tag of all files together; it changes with the build.

@@ -1,5 +1,6 @@
 //! The web page: its files, and its requests.
 
+mod alarms;
 mod api;
 mod files;
 mod flow;
@@ -26,7 +27,7 @@ use crate::http::{self, Call, Reply, Site, not_so, plain};
 use sessions::Sessions;
 
 /// Requests that change something; all others are read.
-const CHANGES: [&str; 5] = ["login", "logout", "write", "command", "tables"];
+const CHANGES: [&str; 6] = ["login", "logout", "write", "command", "tables", "acknowledge"];
 
 /// A link of type `web`.
 pub(super) struct Page {
@@ -118,6 +119,8 @@ impl Page {
             ("program", true) => program::overview(&self).await,
             ("block", true) => program::block(&self, &call.query).await,
             ("xref", true) => program::xref(&self, &call.query).await,
+            ("alarms", true) => self.alarms().await,
+            ("acknowledge", false) => self.acknowledge(&client, &call.body).await,
             ("io", true) => self.io().await,
             ("drawing", true) => self.drawing(&call.query).await,
             ("reason", true) => self.reason(&call.query).await,

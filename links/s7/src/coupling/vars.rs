@@ -9,7 +9,7 @@ use ob1_words::boxes::{ITEM_BYTES, ITEMS_MAX, status};
 use super::Coupling;
 use crate::client::Came;
 use crate::codes::{Code, ItemCode};
-use crate::wire::{ANSWER_HEAD, Address, DataItems, Items, JOB_HEAD, Kind, function, write_item};
+use crate::wire::{ANSWER_HEAD, Address, DataItems, JOB_HEAD, Kind, function, write_item};
 
 /// Bytes of an item in front of its value.
 const ITEM: usize = 4;
@@ -26,7 +26,7 @@ fn items(data: &[u8]) -> Option<(Wanted, &[u8])> {
         let (pointer, behind) = behind.split_first_chunk::<ITEM_BYTES>()?;
         // An ANY pointer is the item of a telegram without its first two bytes.
         let item = [&[0x12, ITEM_BYTES as u8][..], pointer].concat();
-        let address = Items::new(&item, 1).next()??.ok()?;
+        let address = Address::read(&item).ok()?;
         items.push((address, usize::from(u16::from_be_bytes([high, low]))));
         rest = behind;
     }

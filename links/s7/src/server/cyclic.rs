@@ -1,33 +1,57 @@
-//! Cyclic data: a partner names variables and a time, and gets their values repeatedly, or only when they change.
+//! Cyclic data: a partner names variables and a period, and gets their values in each period, or only what has changed.
+//!
+//! What is told of changes is how an S7-400 did it in recordings with WinCC: the answer to the job has all values.
+//! Then, at the end of a period, nothing if nothing has changed since the last message; otherwise one message with all
+//! areas of data blocks in order, those that are as they were told last by their mark alone. After a write of the same
+//! partner the next message of each such job is complete, and comes even if nothing has changed: by it the partner sees
+//! what has become of the written values.
+
+use std::collections::VecDeque;
+
+use ob1_model::{CYCLIC_300, CYCLIC_400, CyclicLimits};
 
 use super::service::Service;
-use super::var::{Slot, addresses, values};
-use super::{Ask, Connection, Reply, Step, Then};
-use crate::codes::{Code, ItemCode};
-use crate::wire::{Group, Items, Telegram, USERDATA_HEAD, UserData, sub, write_item, write_refused};
+use super::var::{Outcome, ReadItem, data_bytes, items, outcomes, wanted_addresses, write_outcomes};
+use super::{Ask, Connection, Job, Reply, Step, Then};
+use crate::codes::Code;
+use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData, sub};
 
-/// Cyclic jobs of a connection.
-const JOBS: usize = 8;
-/// Time bases, in milliseconds.
-const BASES: [u64; 3] = [100, 1000, 10_000];
+/// The step of periods, in milliseconds.
+const STEP_MS: u64 = 100;
+/// Time bases, in such steps.
+const BASES: [u64; 3] = [1, 10, 100];
 /// Bytes in front of the items: their number, time base, factor.
 const HEAD: usize = 4;
 /// Bytes in front of the values: their number.
 const COUNT: usize = 2;
-/// Offset of the data in a telegram.
-const DATA_AT: usize = USERDATA_HEAD - 4;
 
 #[derive(Debug)]
 struct CyclicJob {
     id: u8,
+    /// The service that its messages carry: that which made the job, or changed it last.
     sub: u8,
-    slots: Vec<Slot>,
+    wanted: Vec<ReadItem>,
     every_ms: u64,
     due_ms: Option<u64>,
-    /// Asked, and not answered yet.
-    under_way: bool,
-    /// The last values sent, if only changes are wanted.
-    last: Option<Vec<u8>>,
+    /// The request whose answer has the first values. No message comes in front of that answer.
+    made_by: u64,
+    /// The request for the values of a message.
+    under_way: Option<u64>,
+    /// What was sent last.
+    sent: Vec<Outcome>,
+    /// The next message has all values, and is sent in any case.
+    complete: bool,
+}
+
+impl CyclicJob {
+    const fn tells_changes(&self) -> bool {
+        self.sub != sub::CYCLIC
+    }
+
+    /// It waits for the end of its period, and for nothing else.
+    fn is_waiting(&self, queue: &VecDeque<Job>) -> bool {
+        self.under_way.is_none() && queue.iter().all(|job| job.id != self.made_by)
+    }
 }
 
 /// The cyclic jobs of a connection.
@@ -37,28 +61,50 @@ pub(super) struct Cyclic {
     next: u8,
 }
 
-/// The answer to a new job, or one of its messages.
-pub(super) fn telegram(reference: u16, first: bool, job: u8, sub: u8, slots: &[Slot], reply: Reply) -> Vec<u8> {
-    let data = data(slots, reply);
-    let telegram = if first { Telegram::Answer } else { Telegram::Message };
+impl Cyclic {
+    /// A write of the partner is done.
+    pub(super) fn written(&mut self) {
+        self.jobs.iter_mut().for_each(|job| job.complete = true);
+    }
+
+    /// A free number: there are fewer jobs than numbers. [an S7-400 counts up]
+    fn free(&mut self) -> u8 {
+        loop {
+            self.next = self.next % 0xFF + 1;
+            if self.jobs.iter().all(|job| job.id != self.next) {
+                return self.next;
+            }
+        }
+    }
+}
+
+/// The answer to a job, or one of its messages, with what has changed since `before`.
+fn telegram(
+    (telegram, reference): (Telegram, u16),
+    (job, sub): (u8, u8),
+    now: &[Outcome],
+    before: &[Outcome],
+) -> Vec<u8> {
+    let mut data = (now.len() as u16).to_be_bytes().to_vec();
+    write_outcomes(&mut data, now, before);
     UserData { telegram, sequence: job, ..UserData::job(Group::Cyclic, sub, &data) }.write(reference)
 }
 
-fn data(slots: &[Slot], reply: Reply) -> Vec<u8> {
-    let mut data = (slots.len() as u16).to_be_bytes().to_vec();
-    for value in values(slots, reply) {
-        match value {
-            Ok((ty, bytes)) => write_item(&mut data, ItemCode::DONE, ty, &bytes),
-            Err(code) => write_refused(&mut data, code),
-        }
+/// Number of items, time base, factor, items: the items, and the period in milliseconds.
+fn asked(data: &[u8], limits: CyclicLimits) -> Result<(Vec<ReadItem>, u64), Code> {
+    let (&[high, low, base, factor], bytes) = data.split_first_chunk::<HEAD>().ok_or(Code::NO_INFORMATION)?;
+    let steps = BASES.get(usize::from(base)).ok_or(Code::CYCLIC_TIME)? * u64::from(factor);
+    if steps == 0 || steps > u64::from(limits.longest) {
+        return Err(Code::CYCLIC_TIME);
     }
-    data
+    let wanted = items(bytes, usize::from(u16::from_be_bytes([high, low]))).ok_or(Code::NO_INFORMATION)?;
+    Ok((wanted, steps * STEP_MS))
 }
 
 impl Connection {
     pub(super) fn cyclic(&mut self, reference: u16, service: &UserData<'_>) -> Step {
         let made = match service.sub {
-            sub::CYCLIC | sub::CYCLIC_CHANGE => self.new_cyclic(service),
+            sub::CYCLIC | sub::CYCLIC_CHANGE | sub::CYCLIC_REPLACE => self.cyclic_job(service),
             sub::CYCLIC_DELETE => match service.data {
                 [_, 0] => {
                     self.cyclic.jobs.clear();
@@ -75,38 +121,42 @@ impl Connection {
         made.unwrap_or_else(|why| self.refuse_service(reference, service, why))
     }
 
-    fn new_cyclic(&mut self, service: &UserData<'_>) -> Result<Step, Code> {
-        let Some((&[high, low, base, factor], items)) = service.data.split_first_chunk::<HEAD>() else {
-            return Err(Code::NO_INFORMATION);
-        };
-        let base = BASES.get(usize::from(base)).ok_or(Code::CYCLIC_TIME)?;
-        if factor == 0 {
-            return Err(Code::CYCLIC_TIME);
-        }
-        let slots: Option<Vec<Slot>> = Items::new(items, usize::from(u16::from_be_bytes([high, low]))).collect();
-        let slots = slots.filter(|slots| !slots.is_empty()).ok_or(Code::NO_INFORMATION)?;
-        let wanted = addresses(&slots);
-        let bytes: usize = slots.iter().map(|slot| 4 + slot.map_or(0, |a| a.bytes().next_multiple_of(2))).sum();
-        if wanted.is_empty() {
+    /// A new job, or a new list for the one whose number the request has. A list that is refused changes nothing.
+    fn cyclic_job(&mut self, service: &UserData<'_>) -> Result<Step, Code> {
+        let limits = if self.settings.is_400 { CYCLIC_400 } else { CYCLIC_300 };
+        let (wanted, every_ms) = asked(service.data, limits)?;
+        let addresses = wanted_addresses(&wanted);
+        if addresses.is_empty() {
             return Err(Code::CYCLIC_ADDRESS);
         }
-        if USERDATA_HEAD + COUNT + bytes > self.pdu_bytes() {
+        if USERDATA_HEAD + COUNT + data_bytes(&wanted) > self.pdu_bytes() {
             return Err(Code::PDU_SIZE);
         }
-        if self.cyclic.jobs.len() >= JOBS {
-            return Err(Code::CYCLIC_FULL);
-        }
-        // A free number always exists: there are fewer jobs than numbers.
-        loop {
-            self.cyclic.next = self.cyclic.next % 0xFF + 1;
-            if self.cyclic.jobs.iter().all(|job| job.id != self.cyclic.next) {
-                break;
+        let id = if service.sub == sub::CYCLIC_REPLACE {
+            let job = self.cyclic.jobs.iter().find(|job| job.id == service.sequence).ok_or(Code::CYCLIC_JOB)?;
+            if !job.tells_changes() {
+                return Err(Code::CYCLIC_KIND);
             }
-        }
-        let (id, sub, every_ms) = (self.cyclic.next, service.sub, base * u64::from(factor));
-        let job = CyclicJob { id, sub, slots: slots.clone(), every_ms, due_ms: None, under_way: false, last: None };
-        self.cyclic.jobs.push(job);
-        Ok(Self::later(Ask::Read(wanted), Service::Cyclic { first: true, job: id, sub, slots }))
+            job.id
+        } else if self.cyclic.jobs.len() >= usize::from(limits.jobs) {
+            return Err(Code::CYCLIC_FULL);
+        } else {
+            self.cyclic.free()
+        };
+        self.cyclic.jobs.retain(|job| job.id != id);
+        self.cyclic.jobs.push(CyclicJob {
+            id,
+            sub: service.sub,
+            wanted: wanted.clone(),
+            every_ms,
+            due_ms: None,
+            // The request that the step below becomes.
+            made_by: self.next,
+            under_way: None,
+            sent: Vec::new(),
+            complete: false,
+        });
+        Ok(Self::later(Ask::Read(addresses), Service::Cyclic { job: id, sub: service.sub, wanted }))
     }
 
     /// Time passes: requests the values of the cyclic jobs that are due, and what the CPU had no room for. `now_ms` is
@@ -114,26 +164,28 @@ impl Connection {
     pub fn tick(&mut self, now_ms: u64) {
         self.tests_tick(now_ms);
         let mut due = Vec::new();
-        for job in &mut self.cyclic.jobs {
+        let queue = &self.queue;
+        for job in self.cyclic.jobs.iter_mut().filter(|job| job.is_waiting(queue)) {
             let at = *job.due_ms.get_or_insert(now_ms + job.every_ms);
-            if at <= now_ms && !job.under_way {
+            if let Some(late) = now_ms.checked_sub(at) {
                 // Missed times are not made up.
-                job.due_ms = Some((at + job.every_ms).max(now_ms + 1));
-                job.under_way = true;
-                due.push((job.id, job.sub, job.slots.clone()));
+                job.due_ms = Some(at + (late / job.every_ms + 1) * job.every_ms);
+                due.push((job.id, wanted_addresses(&job.wanted)));
             }
         }
-        for (job, sub, slots) in due {
-            let then = Then::Service(Service::Cyclic { first: false, job, sub, slots: slots.clone() });
-            self.ask_aside(Ask::Read(addresses(&slots)), then);
+        for (id, addresses) in due {
+            let request = self.ask_aside(Ask::Read(addresses), Then::Service(Service::CyclicDue));
+            if let Some(job) = self.cyclic.jobs.iter_mut().find(|job| job.id == id) {
+                job.under_way = Some(request);
+            }
         }
     }
 
     /// When [`Connection::tick`] has something to do; `None`: never.
     #[must_use]
     pub fn next_tick(&self) -> Option<u64> {
-        let cyclic = self.cyclic.jobs.iter().filter(|job| !job.under_way).map(|job| job.due_ms.unwrap_or(0));
-        cyclic.chain(self.tests.next_tick()).min()
+        let cyclic = self.cyclic.jobs.iter().filter(|job| job.is_waiting(&self.queue));
+        cyclic.map(|job| job.due_ms.unwrap_or(0)).chain(self.tests.next_tick()).min()
     }
 
     /// Whether the partner waits for something: an answer, messages, or cyclic data. Then its silence means nothing.
@@ -142,18 +194,41 @@ impl Connection {
         !self.queue.is_empty() || self.wants_events() || !self.cyclic.jobs.is_empty() || self.tests.wait()
     }
 
-    /// Values of a cyclic job have come. False: they need not be sent, because they have not changed or the job is
-    /// gone.
-    pub(super) fn cyclic_came(&mut self, id: u8, telegram: &[u8]) -> bool {
-        let Some(job) = self.cyclic.jobs.iter_mut().find(|job| job.id == id) else { return false };
-        job.under_way = false;
-        let data = telegram.get(DATA_AT..).unwrap_or_default();
-        if job.sub == sub::CYCLIC_CHANGE {
-            if job.last.as_deref() == Some(data) {
-                return false;
-            }
-            job.last = Some(data.to_vec());
+    /// The answer to a job: all values.
+    pub(super) fn cyclic_answer(
+        &mut self,
+        (reference, request): (u16, u64),
+        (id, sub): (u8, u8),
+        wanted: &[ReadItem],
+        reply: Reply,
+    ) -> Vec<u8> {
+        let now = outcomes(wanted, reply);
+        let answer = telegram((Telegram::Answer, reference), (id, sub), &now, &[]);
+        // The job may have been changed or deleted since.
+        if let Some(job) = self.cyclic.jobs.iter_mut().find(|job| job.made_by == request) {
+            (job.sent, job.complete) = (now, false);
         }
-        true
+        answer
+    }
+
+    /// Values have come for a message. `None`: it need not be sent, because nothing has changed or the job is gone, or
+    /// it cannot, because the partner does not read: then the next one tells what has changed.
+    pub(super) fn cyclic_came(&mut self, request: u64, reply: Reply) -> Option<Vec<u8>> {
+        let takes = self.takes_messages();
+        let job = self.cyclic.jobs.iter_mut().find(|job| job.under_way == Some(request))?;
+        job.under_way = None;
+        let now = outcomes(&job.wanted, reply);
+        let complete = job.complete || !job.tells_changes();
+        if !complete && now == job.sent {
+            return None;
+        }
+        if !takes {
+            self.counts.lost += 1;
+            return None;
+        }
+        let before = if complete { &[][..] } else { &job.sent };
+        let message = telegram((Telegram::Message, 0), (job.id, job.sub), &now, before);
+        (job.sent, job.complete) = (now, false);
+        Some(message)
     }
 }

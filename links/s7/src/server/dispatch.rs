@@ -2,7 +2,7 @@
 
 use super::long::{SERVICE_NUMBER, answer, done, refused};
 use super::service::Service;
-use super::{Connection, CpuEvent, Reply, Step, Then, cyclic};
+use super::{Connection, CpuEvent, Reply, Step, Then};
 use crate::codes::Code;
 use crate::wire::{Group, Pdu, Telegram, UserData, sub};
 
@@ -85,10 +85,6 @@ impl Connection {
                 _ => no(Group::Clock, sub, Code::NOT_NOW),
             },
             Service::Password { sub } => vec![self.security_answer(reference, sub, &reply)],
-            Service::Cyclic { first, job, sub, slots } => {
-                let telegram = cyclic::telegram(reference, first, job, sub, &slots, reply);
-                if self.cyclic_came(job, &telegram) || first { vec![telegram] } else { Vec::new() }
-            }
             Service::LogOn(logon) => match reply {
                 Reply::Done => vec![self.subscribed(reference, logon)],
                 Reply::Refused(Code::NOT_NOW) => no(Group::Cpu, sub::MESSAGES, Code::NO_SUBSCRIBERS),
@@ -106,7 +102,7 @@ impl Connection {
                 _ => no(Group::Cpu, sub, Code::NOT_NOW),
             },
             // Answered where the request is known.
-            Service::Test(_) => Vec::new(),
+            Service::Cyclic { .. } | Service::CyclicDue | Service::Test(_) => Vec::new(),
         }
     }
 

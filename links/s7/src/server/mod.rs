@@ -81,7 +81,7 @@ pub enum End {
 /// How to turn a reply into an answer.
 #[derive(Debug)]
 enum Then {
-    Read(Vec<var::Slot>),
+    Read(Vec<var::ReadItem>),
     Write(Vec<var::Slot>),
     Service(service::Service),
     Control(u8),
@@ -352,9 +352,13 @@ impl Connection {
         }
     }
 
+    fn takes_messages(&self) -> bool {
+        self.transport.output().len() < OUTPUT
+    }
+
     /// Sends an unsolicited telegram; it is dropped if the partner does not read.
     fn message(&mut self, telegram: &[u8]) {
-        if self.transport.output().len() < OUTPUT {
+        if self.takes_messages() {
             self.transport.send(telegram);
         } else {
             self.counts.lost += 1;
@@ -364,11 +368,18 @@ impl Connection {
     /// Builds the answer from a reply.
     fn finish(&mut self, reference: u16, request: u64, then: Then, reply: Reply) -> Vec<Vec<u8>> {
         match then {
-            Then::Read(slots) => vec![var::read_answer(reference, &slots, reply)],
-            Then::Write(slots) => vec![var::write_answer(reference, &slots, reply)],
+            Then::Read(wanted) => vec![var::read_answer(reference, &wanted, reply)],
+            Then::Write(slots) => {
+                self.cyclic.written();
+                vec![var::write_answer(reference, &slots, reply)]
+            }
             Then::Control(function) => vec![self.control_answer(reference, function, &reply)],
             Then::Upload => vec![self.upload_answer(reference, reply)],
             Then::Service(service::Service::Test(ending)) => self.test_came(reference, request, ending, reply),
+            Then::Service(service::Service::Cyclic { job, sub, wanted }) => {
+                vec![self.cyclic_answer((reference, request), (job, sub), &wanted, reply)]
+            }
+            Then::Service(service::Service::CyclicDue) => self.cyclic_came(request, reply).into_iter().collect(),
             Then::Service(service) => self.service_answer(reference, service, reply),
         }
     }

@@ -3,7 +3,7 @@
 use super::alarms::Wanted;
 use super::messages::LogOn;
 use super::test_jobs::Ending;
-use super::var::Slot;
+use super::var::ReadItem;
 use crate::wire::BlockType;
 
 /// A service that waits for the CPU.
@@ -25,13 +25,14 @@ pub(super) enum Service {
     Password {
         sub: u8,
     },
-    /// Cyclic data: the first answer, or a message.
+    /// The answer to a cyclic job.
     Cyclic {
-        first: bool,
         job: u8,
         sub: u8,
-        slots: Vec<Slot>,
+        wanted: Vec<ReadItem>,
     },
+    /// A message of a cyclic job.
+    CyclicDue,
     /// Messages are subscribed to.
     LogOn(LogOn),
     AlarmQuery(Wanted),

@@ -127,7 +127,7 @@ pub struct Address {
 /// Bytes of an address on the wire.
 const ANY_BYTES: usize = 12;
 /// First bytes of an address: variable specification, bytes that follow, syntax "S7 ANY".
-const ANY: [u8; 3] = [0x12, 0x0A, 0x10];
+pub(super) const ANY: [u8; 3] = [0x12, 0x0A, 0x10];
 /// Largest address: 24 bits.
 const MAX_START: u32 = 0x00FF_FFFF;
 
@@ -153,8 +153,8 @@ impl Address {
         if self.is_counted() { self.start } else { self.start / 8 }
     }
 
-    /// One item, with the two bytes in front of it.
-    fn read(item: &[u8]) -> Result<Self, BadItem> {
+    /// One item of syntax "S7 ANY", with the two bytes in front of it.
+    pub(crate) fn read(item: &[u8]) -> Result<Self, BadItem> {
         let Some(&[a, b, c, ty, count_high, count_low, db_high, db_low, area, x, y, z]) =
             item.first_chunk::<ANY_BYTES>()
         else {
@@ -214,48 +214,17 @@ impl Address {
     }
 }
 
-/// The items of a job, one after the other. A bad item is reported alone, as long as its end can be found.
-#[derive(Clone, Debug)]
-pub struct Items<'b> {
-    rest: &'b [u8],
-    left: usize,
-}
-
-impl<'b> Items<'b> {
-    /// `count` items in `bytes`.
-    #[must_use]
-    pub const fn new(bytes: &'b [u8], count: usize) -> Self {
-        Self { rest: bytes, left: count }
-    }
-}
-
-/// `Some(Err(..))` inside: this item is bad. `None` inside: the rest is cut off, and nothing follows.
-impl Iterator for Items<'_> {
-    type Item = Option<Result<Address, BadItem>>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.left = self.left.checked_sub(1)?;
-        let item = match self.rest {
-            [_, len, ..] => self.rest.get(..2 + usize::from(*len)),
-            _ => None,
-        };
-        let Some(item) = item else {
-            self.left = 0;
-            return Some(None);
-        };
-        // An item of odd length is followed by a fill byte, except the last.
-        let pad = if self.left > 0 { item.len() % 2 } else { 0 };
-        self.rest = self.rest.get(item.len() + pad..).unwrap_or_default();
-        Some(Some(Address::read(item)))
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::{Item, Items};
     use super::*;
 
     fn one(bytes: &[u8]) -> Option<Result<Address, BadItem>> {
-        Items::new(bytes, 1).next().expect("one is asked for")
+        match Items::new(bytes, 1).next().expect("one is asked for") {
+            Some(Ok(Item::Variable(address))) => Some(Ok(address)),
+            Some(Err(code)) => Some(Err(code)),
+            _ => None,
+        }
     }
 
     #[test]
@@ -280,9 +249,8 @@ mod tests {
     #[test]
     fn what_is_wrong_with_an_item_is_its_own_code() {
         for (bytes, code) in [
-            // Syntax of an S7-400's short reads; an unknown area; an unknown type; two bits; a real in the middle of a
-            // byte; nothing at all; timers as bytes; timer and counter 65,537.
-            ([0x12, 0x0A, 0xB0, 2, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
+            // An unknown area; an unknown type; two bits; a real in the middle of a byte; nothing at all; timers as
+            // bytes; timer and counter 65,537.
             ([0x12, 0x0A, 0x10, 2, 0, 1, 0, 1, 0x99, 0, 0, 0], ItemCode::NO_OBJECT),
             ([0x12, 0x0A, 0x10, 0x44, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
             ([0x12, 0x0A, 0x10, 1, 0, 2, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
@@ -294,17 +262,5 @@ mod tests {
         ] {
             assert_eq!(one(&bytes), Some(Err(code)), "{bytes:02X?}");
         }
-    }
-
-    #[test]
-    fn odd_items_are_padded_and_a_cut_ends_the_row() {
-        let mut bytes = vec![0x12, 0x07, 0xB0, 0, 0, 0, 0, 0, 0, 0xEE];
-        Address { area: Area::Memory, db: 0, start: 0, ty: DataType::Byte, count: 1 }.write(&mut bytes);
-        let items: Vec<_> = Items::new(&bytes, 3).collect();
-        assert_eq!(items.len(), 3);
-        assert_eq!(items[0], Some(Err(ItemCode::TYPE)));
-        assert!(matches!(items[1], Some(Ok(_))));
-        assert_eq!(items[2], None);
-        assert_eq!(Items::new(&[0x12, 200, 1], 255).count(), 1);
     }
 }

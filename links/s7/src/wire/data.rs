@@ -53,6 +53,26 @@ pub fn write_refused(out: &mut Vec<u8>, code: ItemCode) {
     out.extend_from_slice(&[code.0, 0, 0, 0]);
 }
 
+/// Appends an item of several areas: each has its code and, if it is done, its bytes, without padding.
+pub fn write_areas<'v>(out: &mut Vec<u8>, areas: impl Iterator<Item = Result<&'v [u8], ItemCode>>) {
+    pad(out);
+    out.extend_from_slice(&[ItemCode::DONE.0, OCTET, 0, 0]);
+    let begin = out.len();
+    for area in areas {
+        match area {
+            Ok(bytes) => {
+                out.push(ItemCode::DONE.0);
+                out.extend_from_slice(bytes);
+            }
+            Err(code) => out.push(code.0),
+        }
+    }
+    let length = ((out.len() - begin) as u16).to_be_bytes();
+    if let Some(place) = out.get_mut(begin - length.len()..begin) {
+        place.copy_from_slice(&length);
+    }
+}
+
 /// Pads to an even length.
 fn pad(out: &mut Vec<u8>) {
     if !out.len().is_multiple_of(2) {

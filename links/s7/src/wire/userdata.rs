@@ -44,6 +44,7 @@ pub mod sub {
     pub const CYCLIC: u8 = 0x01;
     pub const CYCLIC_DELETE: u8 = 0x04;
     pub const CYCLIC_CHANGE: u8 = 0x05;
+    pub const CYCLIC_REPLACE: u8 = 0x07;
     pub const BLOCK_COUNTS: u8 = 0x01;
     pub const BLOCK_LIST: u8 = 0x02;
     pub const BLOCK_INFO: u8 = 0x03;

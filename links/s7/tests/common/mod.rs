@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+pub(crate) mod cyclic;
+
 use std::collections::BTreeMap;
 
 use ob1_model::{
@@ -531,5 +533,16 @@ pub(crate) fn item(ty: u8, count: u16, db: u16, area: u8, start: u32) -> Vec<u8>
 pub(crate) fn items(function: u8, items: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = vec![function, items.len() as u8];
     bytes.extend(items.iter().flatten());
+    bytes
+}
+
+/// An item of areas of data blocks: bytes, block, first byte of each.
+pub(crate) fn areas(list: &[(u8, u16, u16)]) -> Vec<u8> {
+    let mut bytes = vec![0x12, 2 + 5 * list.len() as u8, 0xB0, list.len() as u8];
+    for (count, db, at) in list {
+        bytes.push(*count);
+        bytes.extend_from_slice(&db.to_be_bytes());
+        bytes.extend_from_slice(&at.to_be_bytes());
+    }
     bytes
 }

@@ -11,6 +11,7 @@ use std::time::{self, Duration};
 use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
 use ob1_access::{Piece, Put};
 use ob1_cpu::GROUP_ENTRIES;
+use ob1_model::Displays;
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags};
 
@@ -25,6 +26,9 @@ const PULSE: Duration = Duration::from_millis(100);
 const TICK: Duration = Duration::from_secs(1);
 /// Longest wait for a program to be compiled and taken over.
 const LOAD_TIME: Span = Span::from_secs(55);
+
+/// The client that the socket itself is.
+const OWN: u32 = 0;
 
 /// A request under way.
 pub(super) struct Pending {
@@ -118,8 +122,20 @@ impl Control {
             self.gone = Some(error.to_string());
         }
         self.news.clear();
-        // News that nobody waits for belong to a request that was given up.
-        self.news.extend(std::iter::from_fn(|| self.door.take_news()));
+        while let Some(news) = self.door.take_news() {
+            match news {
+                // Which alarms there are is asked for when somebody wants to see them.
+                News::Alarm { client, event } => self.door.handed(client, event.number),
+                // News that nobody waits for belong to a request that was given up.
+                news => self.news.push(news),
+            }
+        }
+    }
+
+    /// The station itself is a display, for its tools: so the program sends its alarms although nobody else has logged
+    /// on.
+    pub(super) fn log_on(&mut self) {
+        self.door.ask(OWN, Ask::LogOn { displays: Displays(Displays::ALARMS), name: String::new() });
     }
 
     /// The bytes of these pieces.

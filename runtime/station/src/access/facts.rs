@@ -288,6 +288,7 @@ impl Facts for StationFacts {
             Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
+            Document::AlarmTexts => Ok(Some(self.view.alarm_texts.write())),
             Document::Links => json(&links.iter().map(LinkStatus::from).collect::<Vec<_>>()),
         };
         // What we tell can be serialized.

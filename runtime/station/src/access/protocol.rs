@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use ob1_access::alarms::StandingAlarm;
 use ob1_access::door::Connection;
 use ob1_broker::LinkState;
 use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::by_word;
 use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
 use super::why::{WhyStatus, WhyWanted};
@@ -85,31 +87,18 @@ pub enum Op {
         #[serde(default)]
         off: bool,
     },
+    /// The alarms that are active or not acknowledged; or acknowledges some.
+    Alarms {
+        /// Message numbers to acknowledge; none: which alarms there are is told.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        acknowledge: Vec<u32>,
+    },
     /// Changes the program to what its sources say now, or back.
     Load(LoadOrder),
 }
 
 fn default_count() -> u32 {
     20
-}
-
-/// A command of an operator, by its word.
-mod by_word {
-    use ob1_model::Command;
-    use serde::de::Error as _;
-    use serde::{Deserialize as _, Deserializer, Serializer};
-
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-    pub(super) fn serialize<S: Serializer>(command: &Command, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(command.word())
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Command, D::Error> {
-        let word = String::deserialize(from)?;
-        let known = || Command::ALL.map(Command::word).join(", ");
-        Command::of_word(&word)
-            .ok_or_else(|| D::Error::custom(format_args!("unknown command `{word}`, expected one of {}", known())))
-    }
 }
 
 /// An answer: one line of JSON.
@@ -159,6 +148,12 @@ pub struct Response {
     /// Answer to `force`: `QW4=16#00FF`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub forced: Option<Vec<String>>,
+    /// Answer to `alarms`, the most urgent first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alarms: Option<Vec<StandingAlarm>>,
+    /// Answer to `alarms` with numbers to acknowledge: those that do not exist.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<Vec<u32>>,
     /// Answer to `load`: what has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<Box<LoadStatus>>,
@@ -202,6 +197,8 @@ impl Response {
             why: None,
             debug: None,
             forced: None,
+            alarms: None,
+            missing: None,
             load: None,
         }
     }

@@ -8,10 +8,11 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::sync::Arc;
 
+use ob1_access::alarms::{acknowledging, standing};
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Piece, Typed, value};
 use ob1_cpu::Family;
-use ob1_model::{Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
+use ob1_model::{ALARM_ORDERS, AlarmOrder, AlarmQuery, Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
 use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use serde_json::Value;
@@ -83,11 +84,16 @@ enum Then {
     Debug(Arc<KnownProgram>, DebugOrder),
     Load,
     Force,
+    Alarms,
+    Acknowledged(Vec<u32>),
 }
 
 impl Serving {
     fn run(&mut self, listener: &UnixListener, stopped: &OwnedFd) {
         let mut clients = Clients::new();
+        if !self.view.alarm_texts.is_empty() {
+            self.control.log_on();
+        }
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         loop {
             let due = self.under_way.iter().map(|request| request.pending.due()).min();
@@ -214,6 +220,17 @@ impl Serving {
                 }
                 return Ok(Begun::UnderWay(self.control.ask(client, Ask::Force(cells)), Then::Force));
             }
+            Op::Alarms { acknowledge } if acknowledge.len() > ALARM_ORDERS => {
+                return Err(format!("at most {ALARM_ORDERS} alarms can be acknowledged at once"));
+            }
+            Op::Alarms { acknowledge } if acknowledge.is_empty() => {
+                let ask = Ask::Alarms(AlarmOrder::Query(AlarmQuery::Standing));
+                return Ok(Begun::UnderWay(self.control.ask(client, ask), Then::Alarms));
+            }
+            Op::Alarms { acknowledge } => {
+                let ask = Ask::Alarms(AlarmOrder::Acknowledge(acknowledging(&acknowledge)));
+                return Ok(Begun::UnderWay(self.control.ask(client, ask), Then::Acknowledged(acknowledge)));
+            }
             Op::Load(order) => {
                 let told = self.view.loads.get().and_then(|loads| loads.load(order));
                 let told = told.ok_or("the station ends, or has not started yet")?;
@@ -249,6 +266,13 @@ impl Serving {
             }
             (Then::Force, Outcome::Answer(_)) => {
                 response.forced = Some(self.view.forces.now().iter().map(ToString::to_string).collect());
+            }
+            (Then::Alarms, Outcome::Answer(Answer::Alarms { list, .. })) => {
+                response.alarms = Some(standing(&list, &self.view.alarm_texts));
+            }
+            (Then::Acknowledged(numbers), Outcome::Answer(Answer::Ordered(found))) => {
+                let missing = numbers.into_iter().zip(found).filter(|(_, found)| !found);
+                response.missing = Some(missing.map(|(number, _)| number).collect());
             }
             (Then::Load, Outcome::Loaded(told)) => response.load = Some(Box::new(told)),
             (Then::Pass(known, order, each), Outcome::Answer(Answer::Pass(pass))) => {

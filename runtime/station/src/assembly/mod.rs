@@ -287,6 +287,7 @@ pub fn assemble(
         name: station.name.clone(),
         family: station.cpu.family,
         known,
+        alarm_texts: Arc::new(station.alarm_texts.clone()),
         engine: in_use,
         stands: Arc::default(),
         modules: building.views,
