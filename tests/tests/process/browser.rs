@@ -413,6 +413,7 @@ fn soak_reports_are_shown() {
     assert_eq!(browser.run("return document.documentElement.scrollWidth <= innerWidth"), true);
     browser.run("document.querySelector('#report').scrollIntoView()");
     browser.keep(&site, "web-reports");
+    browser.run("scrollTo(0, 0)");
     browser.click("main li:nth-child(2) button");
     browser.until("document.querySelector('#said').innerText !== ''");
 }

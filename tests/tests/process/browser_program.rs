@@ -323,8 +323,11 @@ fn pictures_of_the_program() {
     show(&wide, port, "OB 1");
     wide.until(&format!("{} === 'on'", state(3, "E 0.2")));
     keep(&wide, "web-ladder");
+    show(&wide, port, "FC 5");
     wide.click("#view-stl");
-    wide.until("document.querySelector('.operand')");
+    wide.until("document.querySelector('#line-44')");
+    wide.run("document.querySelector('#line-44').scrollIntoView()");
+    wide.until("document.querySelector('#line-44 .register').innerText !== ''");
     keep(&wide, "web-source");
     let phone = Browser::open(360);
     phone.go(&format!("http://127.0.0.1:{port}/#io"));
