@@ -217,7 +217,7 @@ impl Server {
                 News::Watching => {}
                 News::Alarm { client, event } => {
                     match self.sessions.iter_mut().find(|session| session.number == *client) {
-                        Some(session) => session.alarm(**event),
+                        Some(session) => session.alarm(event.clone()),
                         None => self.door.handed(*client, event.number),
                     }
                 }

@@ -205,9 +205,10 @@ impl Session {
     }
 
     /// A change of an alarm, for a partner that has logged on.
-    pub(crate) fn alarm(&mut self, event: AlarmEvent) {
+    pub(crate) fn alarm(&mut self, event: Box<AlarmEvent>) {
+        let number = event.number;
         self.connection.event(&CpuEvent::Alarm(event));
-        self.alarms.push_back((event.number, self.written + self.connection.output().len() as u64));
+        self.alarms.push_back((number, self.written + self.connection.output().len() as u64));
     }
 
     /// The last change of an alarm that is with the system since the last question.

@@ -24,7 +24,8 @@ fn state(kind: AlarmKind, id: u32, [signals, going, coming]: [u8; 3]) -> AlarmSt
 }
 
 fn event(change: AlarmChange, state: AlarmState, values: AlarmValues) -> CpuEvent {
-    CpuEvent::Alarm(AlarmEvent { number: 1, time: AlarmTime { nanos: 0, wall: TIME }, change, state, values })
+    let time = AlarmTime { nanos: 0, wall: TIME };
+    CpuEvent::Alarm(Box::new(AlarmEvent { number: 1, time, change, state, values }))
 }
 
 fn came(lost: bool) -> AlarmChange {

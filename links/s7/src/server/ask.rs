@@ -224,12 +224,12 @@ pub enum Reply {
 }
 
 /// Something happened in the CPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CpuEvent {
     /// An entry of the diagnostic buffer, as in list 00A0.
     Diagnosis([u8; 20]),
     /// The operating state, as in the message: 0 STOP, 1 warm restart, 2 RUN.
     Mode(u8),
     /// A change of an alarm.
-    Alarm(AlarmEvent),
+    Alarm(Box<AlarmEvent>),
 }
