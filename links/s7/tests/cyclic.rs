@@ -278,8 +278,8 @@ fn a_late_clock_does_not_shift_the_period() {
     assert_eq!(at(&mut desk, 600).len(), 1);
 }
 
-/// Two lists for one job, before the first is answered: what was sent last is that of the second, also if the CPU answers
-/// it first.
+/// Two lists for one job, before the first is answered: what was sent last is that of the second, also if the CPU
+/// answers it first.
 #[test]
 fn a_list_that_is_replaced_before_it_is_answered_is_forgotten() {
     let mut desk = desk();
