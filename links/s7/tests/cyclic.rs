@@ -277,3 +277,36 @@ fn a_late_clock_does_not_shift_the_period() {
     assert_eq!((at(&mut desk, 575).len(), desk.connection.next_tick()), (1, Some(600)));
     assert_eq!(at(&mut desk, 600).len(), 1);
 }
+
+/// Two lists for one job, before the first is answered: what was sent last is that of the second, also if the CPU
+/// answers it first.
+#[test]
+fn a_list_that_is_replaced_before_it_is_answered_is_forgotten() {
+    let mut desk = desk();
+    let (number, _) = made(&mut desk, CHANGES, &list(0, 1, &[areas(&[(1, 20, 0)])]));
+    for byte in [1, 2] {
+        let mut bytes = service(2, REPLACE, &list(0, 1, &[areas(&[(1, 20, byte)])]));
+        bytes[17] = number;
+        desk.send_only(&bytes);
+    }
+    let (old, new) = (desk.connection.next_ask().expect("a read"), desk.connection.next_ask().expect("a read"));
+    for request in [new, old] {
+        let reply = desk.cpu.serve(request.ask);
+        desk.connection.reply(request.id, reply);
+    }
+    assert_eq!(desk.answers().len(), 2);
+    desk.connection.tick(0);
+    assert_eq!(at(&mut desk, 100), [], "nothing has changed");
+}
+
+/// The values in the answer to a job are later than a write in front of it.
+#[test]
+fn a_write_in_front_of_a_job_does_not_concern_it() {
+    let mut desk = desk();
+    desk.send_only(&job(7, &items(5, &[item(2, 1, 20, 0x84, 0)]), &[0, 4, 0, 8, 1]));
+    desk.send_only(&service(2, CHANGES, &list(0, 1, &[areas(&[(1, 20, 0)])])));
+    desk.serve();
+    assert_eq!(desk.answers().len(), 2);
+    desk.connection.tick(0);
+    assert_eq!(at(&mut desk, 100), []);
+}

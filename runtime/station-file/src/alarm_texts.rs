@@ -154,7 +154,7 @@ impl Table<'_> {
                 }
                 Some(column) => columns.push(column),
                 None => {
-                    let remedy = match nearest(&name, COLUMNS.into_iter()) {
+                    let remedy = match nearest(&name, COLUMNS) {
                         Some(near) => format!("did you mean \"{near}\"?"),
                         None => format!("the first line names the columns: {}", COLUMNS.join(", ")),
                     };
