@@ -8,12 +8,13 @@ use common::rack::TestModule;
 use common::window::Looker;
 use common::*;
 use ob1_cpu::{
-    Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Request, Returned,
-    system_blocks,
+    AlarmJob, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Request,
+    Returned, system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{
-    Area, BlockId, BlockKind, DataType, Interface, PassEnd, PassOrder, Point, PointItem, PointOrder, Section, TimerKind,
+    AlarmAck, AlarmOrder, AlarmQuery, Area, BlockId, BlockKind, DataType, Displays, Interface, PassEnd, PassOrder,
+    Point, PointItem, PointOrder, Section, TimerKind,
 };
 use ob1_time::Span;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
@@ -137,5 +138,47 @@ fn a_watched_scan_allocates_nothing() {
         };
         let seen = (0..5).find_map(|_| round()).expect("each of five rounds allocated");
         assert!(seen > 100, "{seen} passes");
+    });
+}
+
+/// Alarms come and go, are acknowledged, asked for and locked, and nobody fetches them for a while.
+#[test]
+fn alarms_allocate_nothing() {
+    let source = "
+        DATA_BLOCK DB 35 SFB 35 BEGIN END_DATA_BLOCK
+        ORGANIZATION_BLOCK OB 1 BEGIN
+        UN M 0.0; = M 0.0;
+        CALL SFC 17 (SIG := M 0.0, ID := W#16#EEEE, EV_ID := DW#16#11, SD := MW 10, RET_VAL := MW 20);
+        CALL SFB 35, DB 35 (EN_R := TRUE, SIG_1 := M 0.0, EV_ID := DW#16#23, SD_1 := MW 10, STATUS := MW 22);
+        END_ORGANIZATION_BLOCK";
+    on_each_engine(|| {
+        let mut bench = common::source::bench(source, &[]);
+        if bench.cpu.engine() == "both" {
+            return;
+        }
+        let mut link = Looker::of(&mut bench.cpu).expect("the first");
+        let mut alarms = bench.cpu.alarm_client().expect("the first");
+        alarms.set_displays(Displays(Displays::ALARMS));
+        bench.run();
+        let mut codes = [0; 2];
+        for turn in 0..1600 {
+            let order = match turn % 4 {
+                0 => AlarmOrder::Query(AlarmQuery::Standing),
+                1 => AlarmOrder::Query(AlarmQuery::Number(0x11)),
+                2 => AlarmOrder::Acknowledge(vec![AlarmAck { id: 0x11, coming: 1, going: 1 }; 3]),
+                _ => AlarmOrder::Lock { ids: vec![0x23], locked: turn % 8 == 3 },
+            };
+            link.link.alarms(AlarmJob::new(turn, order).expect("few")).expect("room");
+            let region = Region::new(ALLOCATOR);
+            bench.clock.now += 30 * MS;
+            bench.cycle();
+            let change = region.change();
+            assert_eq!((change.allocations, change.reallocations, change.deallocations), (0, 0, 0), "{turn}");
+            assert!(matches!(link.link.take(), Some(Returned::Alarms(job)) if job.id() == turn));
+            codes[0] += u32::from(bench.mw(20) == 0x8083);
+            codes[1] += u32::from(bench.mw(22) == 11);
+        }
+        assert!(codes.iter().all(|count| *count > 0), "the way out was full: {codes:?}");
+        assert!(std::iter::from_fn(|| alarms.take()).count() > 1000);
     });
 }

@@ -24,7 +24,7 @@ pub const ARMED: usize = 32;
 /// Alarms of one part of [`Answer::Alarms`].
 pub const ALARM_PART: usize = 128;
 /// Changes of alarms that a client gets before it has said of the first that it is handed out.
-pub const ALARM_CHANGES: usize = 16;
+pub const ALARM_CHANGES: usize = 64;
 
 /// Returned with the answer.
 pub type Ticket = u64;
