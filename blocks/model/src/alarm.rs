@@ -12,6 +12,12 @@ pub const ALARM_ORDERS: usize = 256;
 /// Characters of the name with which a display logs on.
 pub const DISPLAY_NAME: usize = 32;
 
+/// A message number as a person reads it.
+#[must_use]
+pub fn alarm_number(id: u32) -> String {
+    format!("DW#16#{id:08X}")
+}
+
 /// The block that makes an alarm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AlarmKind {
@@ -340,6 +346,18 @@ pub enum AlarmOrder {
 }
 
 impl AlarmOrder {
+    /// It in words for a record, as `acknowledge alarm DW#16#60000001`; nothing for a query, which changes nothing.
+    #[must_use]
+    pub fn words(&self) -> Option<String> {
+        let (what, ids): (_, Vec<String>) = match self {
+            Self::Query(_) => return None,
+            Self::Acknowledge(acks) => ("acknowledge", acks.iter().map(|ack| alarm_number(ack.id)).collect()),
+            Self::Lock { ids, locked: true } => ("lock", ids.iter().map(|id| alarm_number(*id)).collect()),
+            Self::Lock { ids, locked: false } => ("unlock", ids.iter().map(|id| alarm_number(*id)).collect()),
+        };
+        Some(format!("{what} alarm {}", ids.join(", ")))
+    }
+
     /// How many message numbers it names.
     #[must_use]
     pub const fn len(&self) -> usize {

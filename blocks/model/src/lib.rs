@@ -28,7 +28,7 @@ mod types;
 pub use address::{Area, BitAddr};
 pub use alarm::{
     ALARM_ORDERS, ALARM_VALUE_BYTES, ALARM_VALUES, ALARMS, AlarmAck, AlarmChange, AlarmEvent, AlarmKind, AlarmNow,
-    AlarmOrder, AlarmQuery, AlarmState, AlarmTime, AlarmTurn, AlarmValues, DISPLAY_NAME, Displays,
+    AlarmOrder, AlarmQuery, AlarmState, AlarmTime, AlarmTurn, AlarmValues, DISPLAY_NAME, Displays, alarm_number,
 };
 pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};

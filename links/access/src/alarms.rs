@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use ob1_model::moment::Moment;
-use ob1_model::{AlarmAck, AlarmNow, AlarmTime, AlarmTurn};
+use ob1_model::{AlarmAck, AlarmNow, AlarmTime, AlarmTurn, alarm_number};
 use serde::{Deserialize, Serialize};
 
 use crate::alarm_text::Template;
@@ -132,7 +132,7 @@ fn signals(alarm: &AlarmNow, texts: &AlarmTexts) -> Vec<StandingAlarm> {
             return None;
         }
         let text = texts.of(state.id, bit + 1);
-        let number = || format!("{} DW#16#{:08X}, signal {}", state.kind.name(), state.id, bit + 1);
+        let number = || format!("{} {}, signal {}", state.kind.name(), alarm_number(state.id), bit + 1);
         Some(StandingAlarm {
             number: state.id,
             signal: bit + 1,

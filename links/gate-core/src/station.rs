@@ -302,10 +302,9 @@ impl Client {
         let mut needs = Right::Operate;
         let what = match &ask {
             Ask::Command(command) => format!("command {}", command.word()),
-            Ask::Alarms(AlarmOrder::Acknowledge(acks)) => {
+            Ask::Alarms(order) if order.words().is_some() => {
                 needs = Right::Write;
-                let numbers: Vec<String> = acks.iter().map(|ack| ack.id.to_string()).collect();
-                format!("acknowledge {}", numbers.join(" "))
+                order.words().unwrap_or_default()
             }
             // Two digits in each byte.
             Ask::SetClock([y, m, d, hours, minutes, seconds, ..]) => {

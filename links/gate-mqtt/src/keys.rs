@@ -25,6 +25,8 @@ pub(crate) struct Keys {
     pub(crate) retain: Option<bool>,
     pub(crate) sparkplug: Option<String>,
     #[serde(default)]
+    pub(crate) alarms: bool,
+    #[serde(default)]
     pub(crate) commands: Vec<String>,
     pub(crate) store: Option<u64>,
     pub(crate) ca: Option<PathBuf>,
@@ -48,6 +50,8 @@ pub(crate) struct Settings {
     pub(crate) retain: bool,
     /// The group, if Sparkplug B is used.
     pub(crate) sparkplug: Option<String>,
+    /// The alarms that stand are published.
+    pub(crate) alarms: bool,
     pub(crate) commands: Vec<String>,
     pub(crate) store: u64,
     pub(crate) tls: Option<TlsFiles>,
@@ -107,8 +111,11 @@ impl Keys {
         if !self.commands.is_empty() && ceiling < Right::Write {
             return Err("`commands` need `rights = \"write\"`".into());
         }
-        if self.publish.is_empty() && self.commands.is_empty() {
-            return Err("it has nothing to do: give it `publish` or `commands`".into());
+        if self.publish.is_empty() && self.commands.is_empty() && !self.alarms {
+            return Err("it has nothing to do: give it `publish`, `alarms` or `commands`".into());
+        }
+        if self.alarms && self.sparkplug.is_some() {
+            return Err("Sparkplug B has no alarms: give them a link of their own, with plain topics".into());
         }
         let part = |name: &str, text: &String| {
             let legal = !text.is_empty() && !text.contains(['+', '#', '\0']);
@@ -131,6 +138,7 @@ impl Keys {
             every: self.every.map_or(Duration::from_secs(1), Duration::from_millis).max(SHORTEST),
             retain: self.retain.unwrap_or(true),
             sparkplug: self.sparkplug,
+            alarms: self.alarms,
             commands: self.commands,
             store: self.store.unwrap_or(STORE),
             tls,

@@ -4,6 +4,7 @@
 //! rumqttc implements the protocol. Each connection starts empty: unacknowledged records are in the store, and are sent
 //! again.
 
+mod alarms;
 mod commands;
 mod connection;
 mod flow;

@@ -12,6 +12,7 @@ use rumqttc::{Event, LastWill, Outgoing, Packet, Publish, QoS};
 use serde_json::{Value, json};
 use tokio::time::{Instant, sleep_until};
 
+use crate::alarms::Alarms;
 use crate::commands::Commands;
 use crate::connection::Connection;
 use crate::flow::Flow;
@@ -42,6 +43,7 @@ pub(crate) struct Session {
     store: Store,
     node: Option<Node>,
     commands: Option<Commands>,
+    alarms: Option<Alarms>,
     /// False until the first reading: before it there is nothing for a birth.
     looked: bool,
     /// Scan number of the newest reading.
@@ -78,7 +80,9 @@ impl Session {
             [] => None,
             wanted => Some(Commands::of(wanted, names, &settings.allowed, &station, &address)?),
         };
+        let alarms = settings.alarms.then(|| Alarms::watch(station.clone(), settings.every));
         Ok(Self {
+            alarms,
             looked: items.list.is_empty(),
             scan: 0,
             number: 0,
@@ -113,6 +117,7 @@ impl Session {
                     // room.
                     Err(trouble) => tracing::warn!(link = %self.name(), "{trouble}"),
                 },
+                alarms = Alarms::next(self.alarms.as_mut()) => self.keep(alarms),
                 event = happened(self.connection.as_mut()) => match event {
                     Ok(event) => self.happened(event),
                     Err(why) => self.broken(&why),
@@ -218,6 +223,9 @@ impl Session {
         for index in 0..self.items.list.len() {
             let value = self.items.list[index].value();
             self.told(index, value.as_ref(), now, self.scan);
+        }
+        if let Some(alarms) = self.alarms.as_ref().and_then(Alarms::last) {
+            self.keep(alarms);
         }
     }
 

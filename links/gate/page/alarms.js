@@ -6,6 +6,8 @@ import { say } from "./words.js";
 /** How often the station is asked, in milliseconds. */
 const PERIOD = 2000;
 
+const hex = (number) => `DW#16#${number.toString(16).toUpperCase().padStart(8, "0")}`;
+
 let known = [];
 let draw = null;
 
@@ -60,7 +62,7 @@ function row(alarm) {
   return [what, alarm.came ? local(alarm.came) : "", since(alarm), alarm.class ?? "",
     h("div", {}, h("strong", {}, alarm.text), alarm.info ? h("div", { class: "quiet" }, alarm.info) : null,
       alarm.locked ? h("div", { class: "quiet" }, say("alarmLocked")) : null),
-    h("span", { class: "code" }, `${alarm.number}.${alarm.signal}`), button];
+    h("span", { class: "code" }, `${hex(alarm.number)}.${alarm.signal}`), button];
 }
 
 export function alarms(main) {

@@ -18,7 +18,7 @@ use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
 use crate::port::{Asker, Port};
-use crate::rights::{alarm_words, list, may_force, may_touch, word};
+use crate::rights::{list, may_force, may_touch, word};
 use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -420,7 +420,7 @@ impl Broker {
                 return Ok(Some(if displays.0 == 0 { Answer::Done } else { Answer::LoggedOn { after } }));
             }
             Ask::Alarms(order) => {
-                let told = alarm_words(&order);
+                let told = order.words();
                 client.may_order(&order)?;
                 client.take(Job::Alarms(asker.ticket, order))?;
                 if let Some(told) = told {

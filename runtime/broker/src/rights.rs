@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use ob1_access::Cell;
 use ob1_access::door::Refusal;
-use ob1_model::{AlarmOrder, Area, BlockId, BlockKind, DebugOrder, Forced, ForcedArea};
+use ob1_model::{Area, BlockId, BlockKind, DebugOrder, Forced, ForcedArea};
 
 use crate::LinkConfig;
 
@@ -34,17 +34,6 @@ pub(crate) fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal>
     let is_data = id.kind == BlockKind::Db;
     let allowed = if is_data { config.allowed.has(Cell::Db(id.number, 0)) } else { config.allowed.has_program() };
     if allowed { Ok(()) } else { Err(Refusal::Right) }
-}
-
-/// An order about alarms in words for the record; a query is not recorded.
-pub(crate) fn alarm_words(order: &AlarmOrder) -> Option<String> {
-    let (what, ids): (_, Vec<String>) = match order {
-        AlarmOrder::Query(_) => return None,
-        AlarmOrder::Acknowledge(acks) => ("acknowledge", acks.iter().map(|ack| ack.id.to_string()).collect()),
-        AlarmOrder::Lock { ids, locked: true } => ("lock", ids.iter().map(u32::to_string).collect()),
-        AlarmOrder::Lock { ids, locked: false } => ("unlock", ids.iter().map(u32::to_string).collect()),
-    };
-    Some(format!("{what} alarm {}", ids.join(", ")))
 }
 
 /// What is asked about breakpoints, in a word for the record; what changes nothing is not recorded.

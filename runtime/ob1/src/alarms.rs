@@ -2,6 +2,7 @@
 
 use clap::Args;
 use ob1_access::alarms::StandingAlarm;
+use ob1_model::alarm_number;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::Op;
 
@@ -68,7 +69,7 @@ fn try_alarms(args: &AlarmsArgs) -> Result<Exit, AccessError> {
             missing.extend(client.ask(Op::Alarms { acknowledge: part.to_vec() })?.missing.unwrap_or_default());
         }
         if !missing.is_empty() {
-            let numbers: Vec<String> = missing.iter().map(|number| format!("DW#16#{number:08X}")).collect();
+            let numbers: Vec<String> = missing.iter().map(|number| alarm_number(*number)).collect();
             err!("ob1: there is no alarm {}\n  = `ob1 alarms {}` lists them", numbers.join(", "), args.station);
             return Ok(Exit::Usage);
         }
@@ -100,7 +101,10 @@ fn line(alarm: &StandingAlarm) -> String {
     let went = if alarm.went.is_empty() { String::new() } else { format!(", until {}", alarm.went) };
     let info = if alarm.info.is_empty() { String::new() } else { format!("\n    {}", alarm.info) };
     format!(
-        "{state:<12}  {}{went}  DW#16#{:08X}.{}{class}  {}{locked}{info}",
-        alarm.came, alarm.number, alarm.signal, alarm.text
+        "{state:<12}  {}{went}  {}.{}{class}  {}{locked}{info}",
+        alarm.came,
+        alarm_number(alarm.number),
+        alarm.signal,
+        alarm.text
     )
 }

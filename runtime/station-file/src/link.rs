@@ -77,6 +77,7 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("retain", &[Mqtt], Key::Flag(&table.retain)),
         ("sparkplug", &[Mqtt], Key::Text(&table.sparkplug)),
         ("commands", &[Mqtt], Key::Texts(&table.commands)),
+        ("alarms", &[Mqtt], Key::Flag(&table.alarms)),
         ("store", &[Mqtt], Key::Number(&table.store, 256 << 10..=16 << 30)),
         ("ca", &[Mqtt], Key::Path(&table.ca)),
         ("user", &[Mqtt], Key::Text(&table.user)),

@@ -87,6 +87,7 @@ pub(super) struct LinkTable {
     pub(super) retain: Option<Placed<bool>>,
     pub(super) sparkplug: Option<Placed<String>>,
     pub(super) commands: Option<Placed<Vec<String>>>,
+    pub(super) alarms: Option<Placed<bool>>,
     pub(super) store: Option<Placed<i64>>,
     pub(super) ca: Option<Placed<String>>,
     pub(super) user: Option<Placed<String>>,

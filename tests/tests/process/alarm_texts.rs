@@ -2,10 +2,13 @@
 
 use serde_json::{Value, json};
 
+use super::browser::turn_to;
+use crate::common::browser::Browser;
 use crate::common::gate::{Visitor, add_user};
 use crate::common::s7::free_port;
 use crate::common::site::Site;
 use crate::common::station::counting;
+use crate::common::{checkout, python};
 
 /// SFC 17 at each edge of M 0.0 with two words from MW 10 on; SFB 33 with M 0.1.
 const REST: &str = "\
@@ -74,7 +77,10 @@ fn alarms_are_shown_with_their_texts_and_acknowledged() {
     let answer = olga.post("/api/acknowledge", &json!({ "numbers": [0x6000_0001] }));
     assert_eq!((answer.status, answer.json()), (200, json!({ "acknowledged": 1 })));
     let audit = std::fs::read_to_string(site.path("alarm-texts.audit")).expect("the audit log");
-    assert!(audit.lines().any(|line| line.contains("olga") && line.contains("acknowledge 1610612737")), "{audit}");
+    assert!(
+        audit.lines().any(|line| line.contains("olga") && line.contains("acknowledge alarm DW#16#60000001")),
+        "{audit}"
+    );
     station.until("the first is acknowledged", |_| alarms().starts_with("active  ").then_some(()));
     station.set("M 0.0", 0);
     station.until("the first has gone", |_| (!alarms().contains("Pump")).then_some(()));
@@ -85,6 +91,65 @@ fn alarms_are_shown_with_their_texts_and_acknowledged() {
     let refused = site.ob1(&["alarms", "alarm-texts", "ack", "99"]);
     assert!(refused.err.contains("there is no alarm DW#16#00000063"), "{}", refused.err);
     assert_eq!(olga.post("/api/acknowledge", &json!({ "numbers": [] })).status, 400);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// `examples/alarms`: its panel shows what comes, is acknowledged and goes, and acknowledges.
+#[test]
+fn the_panel_of_the_example_shows_and_acknowledges() {
+    let site = Site::new();
+    for entry in std::fs::read_dir(checkout("examples/alarms")).expect("the example") {
+        let file = entry.expect("a file").path();
+        std::fs::copy(&file, site.path(file.file_name().expect("a name"))).expect("room for a copy");
+    }
+    let (panel, page) = (free_port().to_string(), free_port().to_string());
+    let text = std::fs::read_to_string(site.path("station.toml")).expect("a station");
+    assert!(text.contains(":10102") && text.contains(":8080"));
+    site.write("station.toml", &text.replace(":10102", &format!(":{panel}")).replace(":8080", &format!(":{page}")));
+    let station = site.run("station.toml").until_run();
+    let shown = std::fs::File::create(site.path("shown")).expect("room for a file");
+    let mut display = site
+        .command(python())
+        .arg(site.path("panel.py"))
+        .env("PORT", &panel)
+        .stdout(shown)
+        .spawn()
+        .expect("Python is there");
+    let told = || std::fs::read_to_string(site.path("shown")).expect("a file");
+    let until = |part: &str| station.until(part, |_| told().contains(part).then_some(()));
+    until("logged on");
+    station.set("MW 20", 73);
+    station.set("M 10.0", 1);
+    until("16#60000001 came: Pump: pressure 73 x 0.1 bar");
+    let ack =
+        site.command(python()).arg(site.path("panel.py")).args(["ack", "16#60000001"]).env("PORT", &panel).output();
+    assert_eq!(String::from_utf8_lossy(&ack.expect("Python is there").stdout), "acknowledged\n");
+    until("16#60000001 acknowledged");
+    station.set("M 10.0", 0);
+    until("16#60000001 is over: Pump: pressure 73 x 0.1 bar");
+    station.set("M 10.2", 1);
+    until("16#60000002 came: Tank 2 is empty");
+    assert!(!told().contains("Tank 1"), "{}", told());
+
+    // The page: a bell, and what stands, with the time since.
+    let browser = Browser::open(900);
+    browser.go(&format!("http://127.0.0.1:{page}/"));
+    browser.until("document.querySelector('#bell:not([hidden]).open')?.innerText.includes('1')");
+    browser.click("#bell");
+    browser.until(
+        "location.hash === '#alarms' && document.querySelector('.alarms')?.innerText.includes('Tank 2 is empty')",
+    );
+    assert!(browser.text(".alarms").contains("DW#16#60000002.2"), "{}", browser.text(".alarms"));
+    assert_eq!(browser.run("return document.querySelectorAll('.alarms button').length"), 0, "it may only look");
+    browser.keep(&site, "web-alarms");
+    turn_to(&browser, "de", "alarms");
+    browser.until("document.querySelector('.alarms').innerText.includes('offen')");
+    station.set("M 10.2", 0);
+    let ack = ["alarms", "alarms", "ack", "all"];
+    assert_eq!(site.ob1(&ack).fine(), "1 acknowledged\n");
+    browser.until("document.querySelector('#bell').hidden && !document.querySelector('.alarms table')");
+    let _ = display.kill();
+    let _ = display.wait();
     assert_eq!(station.interrupt().code(), Some(0));
 }
 

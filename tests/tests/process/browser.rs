@@ -12,7 +12,8 @@ use crate::common::browser::{Browser, Key};
 use crate::common::gate::{Visitor, add_user, gate, station};
 use crate::common::site::Site;
 
-pub(crate) const PAGES: [&str; 7] = ["station", "io", "program", "variables", "diagnostics", "scan", "telegrams"];
+pub(crate) const PAGES: [&str; 8] =
+    ["station", "alarms", "io", "program", "variables", "diagnostics", "scan", "telegrams"];
 /// Wide and narrow.
 const WIDTHS: [u32; 2] = [320, 1200];
 /// All widths that a page must fit.

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use crate::common::fleet::{Broker, Listener, station};
 use crate::common::site::Site;
+use crate::common::station::counting;
 
 fn link(port: u16, keys: &str) -> String {
     format!(
@@ -52,6 +53,47 @@ fn values_are_told_when_they_change() {
     listener.until("the last word", |said| {
         (said["topic"] == "ob1/mq-values/online" && said["payload"] == false).then_some(())
     });
+}
+
+/// Alarms with their texts, when they come, are acknowledged and go; a late subscriber gets what stands.
+#[test]
+fn alarms_are_told() {
+    let site = Site::new();
+    let broker = Broker::start(&site);
+    let listener = Listener::start(&site, broker.port, "ob1/mq-alarms/alarms");
+    site.write("alarms.csv", "number;text\n16#60000002;Tank @1W%d@ is empty\n");
+    let rest = "CALL SFB 33, DB 33 (EN_R := TRUE, SIG := M 90.1, ID := W#16#EEEE, EV_ID := DW#16#60000002, \
+                SEVERITY := W#16#40, SD_1 := MW 20);\n";
+    site.write("plant.awl", &counting("DATA_BLOCK DB 33 SFB 33\nBEGIN\nEND_DATA_BLOCK\n", rest));
+    site.write(
+        "station.toml",
+        &format!(
+            "[station]\nname = \"mq-alarms\"\n\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"10s\"\n\n[program]\n\
+             sources = [\"plant.awl\"]\nalarms = \"alarms.csv\"\n\n{}",
+            link(broker.port, "alarms = true\n")
+        ),
+    );
+    let station = site.run("station.toml").until_run();
+    let until = |what: &str, standing: u64, open: u64| {
+        listener.until(what, |said| {
+            let told = &said["payload"];
+            (told["standing"] == standing && told["unacknowledged"] == open).then(|| told["alarms"].clone())
+        })
+    };
+    until("none", 0, 0);
+    station.set("MW 20", 7);
+    station.set("M 90.1", 1);
+    let list = until("it has come", 1, 1);
+    assert_eq!((&list[0]["text"], &list[0]["active"]), (&json!("Tank 7 is empty"), &json!(true)), "{list}");
+    let late = Listener::start(&site, broker.port, "ob1/mq-alarms/alarms");
+    late.until("kept", |said| (said["payload"]["standing"] == 1 && said["retain"] == true).then_some(()));
+    assert_eq!(site.ob1(&["alarms", "mq-alarms", "ack", "all"]).fine(), "1 acknowledged\n");
+    until("it is acknowledged", 1, 0);
+    station.set("M 90.1", 0);
+    until("it has gone", 1, 1);
+    assert_eq!(site.ob1(&["alarms", "mq-alarms", "ack", "16#60000002"]).fine(), "1 acknowledged\n");
+    until("nothing is left", 0, 0);
+    assert_eq!(station.interrupt().code(), Some(0));
 }
 
 /// The broker is stopped repeatedly while values change: each has a number, and none is missing.

@@ -99,7 +99,12 @@ fn a_display_is_told_acknowledges_and_locks() {
     assert!(came(&mut station, &mut other, 2).is_empty(), "it is locked");
     let records = std::mem::take(&mut *station.records.lock().expect("not poisoned"));
     let who = "panel, 10.0.0.5:1000";
-    let expected = ["acknowledge alarm 17", "acknowledge alarm 99", "acknowledge alarm 35", "lock alarm 35, 17"];
+    let expected = [
+        "acknowledge alarm DW#16#00000011",
+        "acknowledge alarm DW#16#00000063",
+        "acknowledge alarm DW#16#00000023",
+        "lock alarm DW#16#00000023, DW#16#00000011",
+    ];
     assert_eq!(records, expected.map(|what| format!("{who}: {what}: taken")));
     // Both log off.
     assert_eq!(station.ask(&mut panel, 1, Ask::LogOn { displays: Displays(0), name: String::new() }), Answer::Done);
