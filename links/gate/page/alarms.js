@@ -24,8 +24,8 @@ function bell() {
   const open = known.filter((alarm) => !alarm.acknowledged).length;
   const element = byId("bell");
   element.hidden = known.length === 0;
-  const text = `🔔 ${known.length}`;
-  if (element.textContent !== text) element.textContent = text;
+  const [count, text] = [element.lastElementChild, String(known.length)];
+  if (count.textContent !== text) count.textContent = text;
   element.classList.toggle("open", open > 0);
   element.setAttribute("aria-label", say("bell", known.length, open));
 }

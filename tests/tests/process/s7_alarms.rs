@@ -307,6 +307,31 @@ fn a_panel_acknowledges_and_all_are_told() {
         let found = tshark(&file, &format!("tcp.srcport == 102 && s7comm.param.userdata.subfunc == {sub}"));
         assert!(!found.is_empty(), "Wireshark does not see {sub:02X}");
     }
+    // Field by field: number, signal, values, acknowledgements of coming and going.
+    for (sub, id, values, coming, going) in [
+        (0x05, 0x35, 2, 0xFE, 0xFF),
+        (0x06, 0x36, 0, 0x01, 0x01),
+        (0x16, 0x31, 1, 0xFF, 0xFF),
+        (0x05, 0x33, 0, 0x00, 0x01),
+        (0x11, 0x17, 1, 0x00, 0x01),
+        (0x12, 0x18, 1, 0x01, 0x01),
+    ] {
+        let came = [
+            format!("s7comm.param.userdata.subfunc == {sub}"),
+            format!("s7comm.alarm.event_id == {id}"),
+            "s7comm.alarm.signal.sig1 == 1".into(),
+            format!("s7comm.alarm.nr_add_values == {values}"),
+            format!("s7comm.alarm.ack_state.coming == {coming}"),
+            format!("s7comm.alarm.ack_state.going == {going}"),
+            "s7comm.alarm.state == 0".into(),
+            "tcp.srcport == 102".into(),
+        ];
+        let found = tshark(&file, &came.join(" && "));
+        assert!(!found.is_empty(), "Wireshark does not read this message of {id:02X}: {came:?}");
+    }
+    let listed =
+        "s7comm.param.userdata.subfunc == 0x13 && s7comm.alarm.event_id == 0x35 && s7comm.alarm.event_id == 0x33";
+    assert!(!tshark(&file, &format!("tcp.srcport == 102 && {listed}")).is_empty(), "the list");
     let malformed = tshark(&file, "tcp.srcport == 102 && _ws.malformed");
     assert!(malformed.is_empty(), "{malformed:#?}");
 }

@@ -64,7 +64,7 @@ fn the_requests_of_the_access_document_are_requests() {
         .lines()
         .filter_map(|line| line.strip_prefix("| `{\"op\"")?.split_once("` |").map(|(rest, _)| rest))
         .collect();
-    assert_eq!(requests.len(), 15);
+    assert_eq!(requests.len(), 16);
     for rest in requests {
         let request = format!("{{\"op\"{rest}");
         serde_json::from_str::<ob1_station::access::protocol::Request>(&request)
