@@ -265,14 +265,11 @@ impl Server {
         for session in &mut self.sessions {
             let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
             session.serve(&mut around, now_ms);
-            let mut more = true;
-            while more {
-                more = session.send(&self.tap, now);
-                if let Some(number) = session.handed() {
-                    // At once: what the broker does not know of is repeated if this process is killed.
-                    around.door.handed(session.number, number);
-                    let _ = around.door.flush();
-                }
+            session.send(&self.tap, now);
+            if let Some(number) = session.handed() {
+                // At once: what the broker does not know of is repeated if this process is killed.
+                around.door.handed(session.number, number);
+                let _ = around.door.flush();
             }
             if let Some(why) = session.over(now) {
                 over.push((session.number, why));

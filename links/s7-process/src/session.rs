@@ -217,20 +217,13 @@ impl Session {
         self.alarms.drain(..count).next_back().map(|(number, _)| number)
     }
 
-    /// Sends what it can, but of alarms one only: the broker is to know of each before the next. True: there is more,
-    /// and the system may take it.
-    pub(crate) fn send(&mut self, tap: &Shared, now: Instant) -> bool {
+    /// Sends what it can.
+    pub(crate) fn send(&mut self, tap: &Shared, now: Instant) {
         if self.connection.output().is_empty() {
             self.moved = now;
         }
-        let until = self.alarms.front().map_or(u64::MAX, |(_, by)| *by);
         while !self.connection.output().is_empty() && !self.gone {
-            let most = usize::try_from(until.saturating_sub(self.written)).unwrap_or(usize::MAX);
-            if most == 0 {
-                return true;
-            }
-            let output = self.connection.output();
-            match self.socket.write(output.get(..most).unwrap_or(output)) {
+            match self.socket.write(self.connection.output()) {
                 Ok(0) => self.gone = true,
                 Ok(len) => {
                     self.moved = now;
@@ -240,11 +233,10 @@ impl Session {
                     self.connection.sent(len);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return false,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(_) => self.gone = true,
             }
         }
-        false
     }
 
     /// Why the session has ended, if it has.
