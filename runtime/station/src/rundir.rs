@@ -469,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn who_claims_while_a_janitor_removes_gets_it() {
+    fn who_claims_while_a_guardian_removes_gets_it() {
         let base = tempfile::tempdir().expect("a directory");
         let path = base.path().join("s");
         let over = std::sync::atomic::AtomicBool::new(false);
