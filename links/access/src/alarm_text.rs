@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use ob1_words::any::AnyType;
 use serde::{Deserialize, Serialize};
 
 /// The widest that a value may be shown, in characters.
@@ -14,40 +15,18 @@ const WIDEST: usize = 64;
 const MISSING: &str = "?";
 
 /// The type of a value, by its letter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Element {
-    Bool,
-    Byte,
-    Char,
-    Word,
-    Int,
-    DWord,
-    DInt,
-    Real,
-}
-
-impl Element {
-    const fn of(letter: char) -> Option<Self> {
-        Some(match letter {
-            'B' => Self::Bool,
-            'Y' => Self::Byte,
-            'C' => Self::Char,
-            'W' => Self::Word,
-            'I' => Self::Int,
-            'X' => Self::DWord,
-            'D' => Self::DInt,
-            'R' => Self::Real,
-            _ => return None,
-        })
-    }
-
-    const fn bytes(self) -> usize {
-        match self {
-            Self::Bool | Self::Byte | Self::Char => 1,
-            Self::Word | Self::Int => 2,
-            Self::DWord | Self::DInt | Self::Real => 4,
-        }
-    }
+const fn type_of(letter: char) -> Option<AnyType> {
+    Some(match letter {
+        'B' => AnyType::Bool,
+        'Y' => AnyType::Byte,
+        'C' => AnyType::Char,
+        'W' => AnyType::Word,
+        'I' => AnyType::Int,
+        'X' => AnyType::DWord,
+        'D' => AnyType::DInt,
+        'R' => AnyType::Real,
+        _ => return None,
+    })
 }
 
 /// How a value is shown.
@@ -67,7 +46,7 @@ enum Shown {
 struct Place {
     /// From 1.
     number: usize,
-    element: Element,
+    element: AnyType,
     width: usize,
     shown: Shown,
 }
@@ -166,7 +145,7 @@ impl Place {
         let (count, rest) = number(place);
         let count = count.filter(|count| (1..=255).contains(count)).ok_or("values have numbers from 1 on")?;
         let mut letters = rest.chars();
-        let element = letters.next().and_then(Element::of);
+        let element = letters.next().and_then(type_of);
         let element = element.ok_or("the type is one of B Y C W I X D R")?;
         let form = letters.as_str().strip_prefix('%').ok_or("behind the type stands % and how it is shown")?;
         let (width, rest) = number(form);
@@ -196,7 +175,7 @@ impl Place {
 
     /// The bytes of the value: of the only one, if there is one, the element with this number.
     fn bytes<'v>(self, values: &[&'v [u8]]) -> Option<&'v [u8]> {
-        let (index, size) = (self.number - 1, self.element.bytes());
+        let (index, size) = (self.number - 1, self.element.bits().div_ceil(8) as usize);
         match (values, self.shown) {
             ([one], Shown::Text) if index == 0 => Some(one),
             ([one], _) => one.get(index * size..(index + 1) * size),
@@ -213,8 +192,8 @@ impl Place {
         };
         let raw = bytes.iter().take(4).fold(0_u32, |raw, byte| raw << 8 | u32::from(*byte));
         let signed = match self.element {
-            Element::Int => i64::from(raw as u16 as i16),
-            Element::DInt => i64::from(raw as i32),
+            AnyType::Int => i64::from(raw as u16 as i16),
+            AnyType::DInt => i64::from(raw as i32),
             _ => i64::from(raw),
         };
         let real = f32::from_bits(raw);
@@ -224,9 +203,9 @@ impl Place {
                     bytes.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect::<String>();
                 write!(out, "{text:>width$}")
             }
-            (Shown::Point(digits), Element::Real) => write!(out, "{real:>width$.digits$}"),
+            (Shown::Point(digits), AnyType::Real) => write!(out, "{real:>width$.digits$}"),
             (Shown::Point(digits), _) => write!(out, "{:>width$.digits$}", signed as f64),
-            (Shown::Decimal, Element::Real) => write!(out, "{:>width$}", real.round()),
+            (Shown::Decimal, AnyType::Real) => write!(out, "{:>width$}", real.round()),
             (Shown::Decimal, _) => write!(out, "{signed:>width$}"),
             (Shown::Unsigned, _) => write!(out, "{raw:>width$}"),
             (Shown::Hexadecimal, _) => write!(out, "{raw:>width$X}"),

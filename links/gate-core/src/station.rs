@@ -23,8 +23,6 @@ use crate::{Audit, Catalog, Memory, Tls, Trouble, Users};
 const SHORTEST: Duration = Duration::from_millis(10);
 /// Maximum of concurrent reads of all tasks that wait for their first snapshot.
 const READS: usize = 256;
-/// What does not change while the station runs is asked for once.
-const FOR_EVER: Duration = Duration::from_secs(u64::MAX);
 /// Documents have a client of their own at the broker, so that other questions do not block them; 0 is the link.
 const DOCUMENTS: u32 = 0;
 
@@ -45,6 +43,7 @@ struct Shared {
     events: Arc<Events>,
     catalog: OnceCell<Arc<Catalog>>,
     documents: Mutex<BTreeMap<Document, Made>>,
+    alarm_texts: OnceCell<AlarmTexts>,
     reads: Semaphore,
     clients: AtomicU32,
     audit: Audit,
@@ -104,6 +103,7 @@ impl Station {
             events,
             catalog: OnceCell::new(),
             documents: Mutex::default(),
+            alarm_texts: OnceCell::new(),
             reads: Semaphore::new(READS),
             clients: AtomicU32::new(DOCUMENTS + 1),
             audit,
@@ -215,10 +215,14 @@ impl Station {
     /// # Errors
     /// [`Trouble`].
     pub async fn alarms(&self) -> Result<Vec<StandingAlarm>, Trouble> {
-        let texts = self.document(Document::AlarmTexts, FOR_EVER).await?;
-        let texts = AlarmTexts::read(&texts).ok_or_else(|| Trouble::Program("texts of alarms".into()))?;
+        // They do not change while the station runs.
+        let texts = self.0.alarm_texts.get_or_try_init(async || {
+            let document = self.ask(DOCUMENTS, Ask::Document(Document::AlarmTexts)).await.and_then(document)?;
+            AlarmTexts::read(&document).ok_or_else(|| Trouble::Program("texts of alarms".into()))
+        });
+        let texts = texts.await?;
         match self.ask(DOCUMENTS, Ask::Alarms(AlarmOrder::Query(AlarmQuery::Standing))).await? {
-            Answer::Alarms { list, .. } => Ok(standing(&list, &texts)),
+            Answer::Alarms { list, .. } => Ok(standing(&list, texts)),
             _ => Err(Trouble::Program("the broker sends another answer".into())),
         }
     }
@@ -302,7 +306,7 @@ impl Client {
         let mut needs = Right::Operate;
         let what = match &ask {
             Ask::Command(command) => format!("command {}", command.word()),
-            Ask::Alarms(order) if order.words().is_some() => {
+            Ask::Alarms(order @ (AlarmOrder::Acknowledge(_) | AlarmOrder::Lock { .. })) => {
                 needs = Right::Write;
                 order.words().unwrap_or_default()
             }

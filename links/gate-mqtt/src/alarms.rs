@@ -10,6 +10,8 @@ use crate::store::Record;
 
 /// The topic after the prefix.
 const TOPIC: &str = "alarms";
+/// The scan makes each list: it is asked for no more often, however often the values of the link are read.
+const SHORTEST: Duration = Duration::from_secs(1);
 /// Alarms of one message at most, the most urgent ones; all of them are counted.
 const MOST: usize = 100;
 
@@ -39,7 +41,7 @@ impl Alarms {
                     // Asked again.
                     Err(_) => {}
                 }
-                tokio::time::sleep(every).await;
+                tokio::time::sleep(every.max(SHORTEST)).await;
             }
         });
         Self(told)
