@@ -48,6 +48,10 @@ const NETWORKS: &[(&str, &str)] = &[
         "U E 0.1; UN E 0.2; = L 20.0; BLD 103; U E 0.0; SPBNB _001; CALL FC 7 (a := L 20.0, b := M 1.0, c := MW 4, q := M 3.3, w := MW 8); _001: NOP 0;",
     ),
     (
+        "rule 7: an input that begins at a local bit nobody has declared is no arm",
+        "U L 20.5; = L 20.0; BLD 103; CALL FC 7 (a := L 20.0, b := M 1.0, c := MW 4, q := M 3.3, w := MW 8); NOP 0;",
+    ),
+    (
         "rule 8: ENO of a call",
         "U E 0.0; SPBNB _001; CALL FC 7 (a := M 1.0, b := M 1.1, c := 3, q := M 3.3, w := MW 8); _001: U BIE; = A 4.0;",
     ),

@@ -23,9 +23,13 @@ impl Parser<'_> {
     pub(super) fn ends(&mut self) -> Parsed<Vec<End>> {
         if let Some(Op::Assign(carried)) = self.op(0)
             && self.network.is_hidden(carried)
-            && self.arm_ahead(self.at + 1, *carried)
         {
-            return self.deeper(|parser| parser.branch(*carried)).map(|branch| vec![branch]);
+            self.branches.push(*carried);
+            let branch = self.arm_ahead(self.at + 1, *carried).then(|| self.deeper(|parser| parser.branch(*carried)));
+            self.branches.pop();
+            if let Some(branch) = branch {
+                return branch.map(|branch| vec![branch]);
+            }
         }
         let mut ends = Vec::new();
         while ends.len() < MOST {

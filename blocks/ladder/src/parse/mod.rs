@@ -32,8 +32,16 @@ pub(crate) type Parsed<T> = Result<T, Reason>;
 
 /// The statements of a network as a tree.
 pub(crate) fn parse(network: &Network, mode: Mode) -> Parsed<Tree> {
-    let mut parser =
-        Parser { network, mode, at: 0, depth: 0, inputs: Vec::new(), in_input: false, ends: BTreeMap::new() };
+    let mut parser = Parser {
+        network,
+        mode,
+        at: 0,
+        depth: 0,
+        inputs: Vec::new(),
+        in_input: false,
+        branches: Vec::new(),
+        ends: BTreeMap::new(),
+    };
     let rungs = parser.rungs()?;
     parser.jumps_stay()?;
     let mut tree = Tree { rungs, nodes: 0, as_step7: mode == Mode::Step7 };
@@ -50,6 +58,8 @@ pub(crate) struct Parser<'n> {
     inputs: Vec<(Input, u32)>,
     /// The string of such an input is being read.
     in_input: bool,
+    /// The bits of the branches whose arms are being read.
+    branches: Vec<Place>,
     /// Jumps of the network's own boxes, by the operation they lead to.
     ends: BTreeMap<u32, u32>,
 }
@@ -219,11 +229,11 @@ impl<'n> Parser<'n> {
         found
     }
 
-    /// The string here begins at the bit of a branch: it is an arm. An input of a box begins at the rail.
+    /// The string here begins at the bit of an open branch: it is an arm. An input of a box begins at the rail.
     pub(super) fn at_branch(&self, at: usize) -> bool {
         let rest = self.network.statements.get(at..).unwrap_or_default();
         let first = rest.iter().find(|statement| !matches!(statement.op, Op::Open { .. }));
-        matches!(first.map(|s| &s.op), Some(Op::Scan { test: ob1_ir::BitTest::Bit(bit), .. }) if self.network.is_hidden(bit))
+        matches!(first.map(|s| &s.op), Some(Op::Scan { test: ob1_ir::BitTest::Bit(bit), .. }) if self.branches.contains(bit))
     }
 
     /// No jump leads into the network but to its first statement, and those of its own boxes.
