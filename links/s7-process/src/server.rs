@@ -265,11 +265,14 @@ impl Server {
         for session in &mut self.sessions {
             let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
             session.serve(&mut around, now_ms);
+            if let Some((ends, socket)) = session.unannounced() {
+                // Before they are written: if this process is killed, those that have arrived are not repeated.
+                around.door.sending(session.number, ends, socket);
+                let _ = around.door.flush();
+            }
             session.send(&self.tap, now);
             if let Some(number) = session.handed() {
-                // At once: what the broker does not know of is repeated if this process is killed.
                 around.door.handed(session.number, number);
-                let _ = around.door.flush();
             }
             if let Some(why) = session.over(now) {
                 over.push((session.number, why));
@@ -354,6 +357,7 @@ impl Server {
     fn close(&mut self, number: u32, why: &'static str) {
         let Some(index) = self.sessions.iter().position(|session| session.number == number) else { return };
         let session = self.sessions.swap_remove(index);
+        session.end();
         let (pdu, jobs, errors) = session.summary();
         debug!(pdu, jobs, errors, "{} ended: {why}", session.peer);
         self.door.client_gone(number);

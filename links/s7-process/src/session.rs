@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
+use std::os::fd::{AsFd as _, OwnedFd};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{self, News};
@@ -23,6 +24,9 @@ const STUCK: Duration = Duration::from_secs(30);
 /// Time limit for the end, while the last answer is sent.
 const FAREWELL: Duration = Duration::from_secs(1);
 
+/// A change of an alarm under way: its number, and how many bytes of the connection are written when it is.
+type AlarmEnd = (u64, u64);
+
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(crate) number: u32,
@@ -39,8 +43,10 @@ pub(crate) struct Session {
     asks: Asks,
     /// Bytes written to the socket.
     written: u64,
-    /// Changes of alarms under way: the number, and how many bytes are written when it is.
-    alarms: VecDeque<(u64, u64)>,
+    /// Changes of alarms under way.
+    alarms: VecDeque<AlarmEnd>,
+    /// The broker knows of the changes up to this one.
+    announced: u64,
     heard: Instant,
     moved: Instant,
     works: bool,
@@ -62,6 +68,7 @@ impl Session {
             asks: Asks::default(),
             written: 0,
             alarms: VecDeque::new(),
+            announced: 0,
             heard: now,
             moved: now,
             works: false,
@@ -211,6 +218,17 @@ impl Session {
         self.alarms.push_back((number, self.written + self.connection.output().len() as u64));
     }
 
+    /// Changes of alarms that [`Session::send`] may write and the broker does not know of; before the first, with the
+    /// socket.
+    pub(crate) fn unannounced(&mut self) -> Option<(Vec<AlarmEnd>, Option<OwnedFd>)> {
+        let from = self.alarms.partition_point(|(number, _)| *number <= self.announced);
+        let ends: Vec<_> = self.alarms.range(from..).copied().collect();
+        let (newest, _) = *ends.last()?;
+        let is_first = std::mem::replace(&mut self.announced, newest) == 0;
+        let socket = is_first.then(|| self.socket.as_fd().try_clone_to_owned().ok()).flatten();
+        Some((ends, socket))
+    }
+
     /// The last change of an alarm that is with the system since the last question.
     pub(crate) fn handed(&mut self) -> Option<u64> {
         let count = self.alarms.iter().take_while(|(_, by)| *by <= self.written).count();
@@ -237,6 +255,11 @@ impl Session {
                 Err(_) => self.gone = true,
             }
         }
+    }
+
+    /// Ends the connection: the broker may hold its socket as well.
+    pub(crate) fn end(&self) {
+        let _ = self.socket.shutdown(Shutdown::Both);
     }
 
     /// Why the session has ended, if it has.

@@ -2,11 +2,14 @@
 //! where it was.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::os::fd::{AsFd as _, OwnedFd};
 
 use ob1_access::door::ALARM_CHANGES;
 use ob1_cpu::AlarmClient;
 use ob1_model::{AlarmChange, AlarmEvent, AlarmState, AlarmValues, DISPLAY_NAME, Displays};
+use ob1_rt::confirmed_bytes;
 use ob1_time::{Instant, Span};
+use rustix::net::{Shutdown, shutdown};
 
 /// Changes that are kept.
 const KEPT: usize = 16 * 1024;
@@ -86,7 +89,7 @@ fn wants(displays: Displays, event: &AlarmEvent) -> bool {
 }
 
 /// A client that has logged on.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Display {
     displays: Displays,
     name: String,
@@ -94,14 +97,32 @@ struct Display {
     address: String,
     /// Changes up to this one have gone to the link.
     sent: u64,
-    /// Numbers of those that it has not handed out yet.
-    out: VecDeque<u64>,
+    /// Those that it has not handed out yet.
+    out: VecDeque<Out>,
+    /// Its connection, once changes were written to it.
+    socket: Option<OwnedFd>,
+}
+
+/// A change on its way through the link.
+#[derive(Clone, Copy, Debug)]
+struct Out {
+    number: u64,
+    /// The display has it when so many bytes of its connection have arrived; not known before it is written.
+    by: Option<u64>,
 }
 
 impl Display {
     /// The last change that has left the link for it.
     fn handed(&self) -> u64 {
-        self.out.front().map_or(self.sent, |first| first - 1)
+        self.out.front().map_or(self.sent, |first| first.number - 1)
+    }
+
+    /// The process that wrote to it is gone: what the kernel of the partner has confirmed was handed out.
+    fn settle(&mut self) {
+        let confirmed = self.socket.take().and_then(|socket| confirmed_bytes(socket.as_fd())).unwrap_or(0);
+        while self.out.front().and_then(|first| first.by).is_some_and(|by| by <= confirmed) {
+            self.out.pop_front();
+        }
     }
 }
 
@@ -137,10 +158,14 @@ impl Logons {
         let address = address(partner);
         let is_it = |(lost, _): &(Display, _)| !name.is_empty() && lost.name == name && lost.address == address;
         let sent = match self.lost.iter().position(is_it) {
-            Some(at) => self.lost.swap_remove(at).0.handed(),
+            Some(at) => {
+                let (mut lost, _) = self.lost.swap_remove(at);
+                lost.settle();
+                lost.handed()
+            }
             None => newest,
         };
-        self.list.insert(client, Display { displays, name, address, sent, out: VecDeque::new() });
+        self.list.insert(client, Display { displays, name, address, sent, out: VecDeque::new(), socket: None });
         Some(sent)
     }
 
@@ -152,15 +177,34 @@ impl Logons {
     /// The process of the link is gone with all its clients, through no fault of theirs.
     pub(crate) fn process_gone(&mut self) {
         let named = std::mem::take(&mut self.list).into_values().filter(|display| !display.name.is_empty());
-        self.lost.extend(named.map(|display| (display, None)));
+        for display in named {
+            // The partner is to see the end of the connection; it is kept for what the kernel knows of it.
+            if let Some(socket) = &display.socket {
+                let _ = shutdown(socket, Shutdown::Write);
+            }
+            self.lost.push((display, None));
+        }
         let surplus = self.lost.len().saturating_sub(DISPLAYS);
         self.lost.drain(..surplus);
+    }
+
+    /// These changes are about to be written.
+    pub(crate) fn sending(&mut self, client: u32, ends: &[(u64, u64)], socket: Option<OwnedFd>) {
+        let Some(display) = self.list.get_mut(&client) else { return };
+        display.socket = socket.or(display.socket.take());
+        for (number, by) in ends {
+            if let Ok(at) = display.out.binary_search_by_key(number, |out| out.number)
+                && let Some(out) = display.out.get_mut(at)
+            {
+                out.by = Some(*by);
+            }
+        }
     }
 
     /// Changes up to this one have left the link.
     pub(crate) fn handed(&mut self, client: u32, number: u64) {
         if let Some(display) = self.list.get_mut(&client) {
-            while display.out.front().is_some_and(|first| *first <= number) {
+            while display.out.front().is_some_and(|first| first.number <= number) {
                 display.out.pop_front();
             }
         }
@@ -180,7 +224,7 @@ impl Logons {
                 let Some(event) = changes.after(display.sent) else { break };
                 display.sent = event.number;
                 if wants(display.displays, &event) {
-                    display.out.push_back(event.number);
+                    display.out.push_back(Out { number: event.number, by: None });
                     return Some((*client, event));
                 }
             }

@@ -266,13 +266,13 @@ impl Broker {
             let Some(joint) = self.joints.get_mut(link) else { break };
             let Some(connection) = joint.connection.as_mut() else { break };
             match connection.receive(&mut buffer) {
-                Received::Message(message) => {
+                Received::Message(message, descriptor) => {
                     joint.beats.beat();
                     if !std::mem::replace(&mut joint.up, true) && !joint.config.name.is_empty() {
                         let name = joint.config.name.clone();
                         self.events.push(now, What::Link { name, up: true });
                     }
-                    self.obey(link, message, now);
+                    self.obey(link, message, descriptor, now);
                 }
                 Received::Nothing | Received::Gone => break,
             }
@@ -280,12 +280,13 @@ impl Broker {
         self.buffer = buffer;
     }
 
-    fn obey(&mut self, link: usize, message: ToBroker, now: Instant) {
+    fn obey(&mut self, link: usize, message: ToBroker, descriptor: Option<OwnedFd>, now: Instant) {
         let Some(joint) = self.joints.get_mut(link) else { return };
         match message {
             ToBroker::Beat => {}
             ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
             ToBroker::Handed { client, number } => joint.logons.handed(client, number),
+            ToBroker::Sending { client, ends } => joint.logons.sending(client, &ends, descriptor),
             ToBroker::Gone(client) => joint.client_gone(client),
             ToBroker::Partner { client, mut partner } => {
                 partner.truncate(partner.floor_char_boundary(PARTNER));

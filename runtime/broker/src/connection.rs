@@ -25,7 +25,8 @@ pub(crate) struct Connection {
 
 /// What a look at the socket has brought.
 pub(crate) enum Received {
-    Message(ToBroker),
+    /// With the descriptor that came along.
+    Message(ToBroker, Option<OwnedFd>),
     Nothing,
     Gone,
 }
@@ -73,8 +74,8 @@ impl Connection {
         match handover::receive(&self.socket, buffer) {
             Ok(None) => Received::Nothing,
             Ok(Some((0, _))) => self.is_gone("its socket is closed"),
-            Ok(Some((len, _))) => match buffer.get(..len).and_then(ToBroker::decode) {
-                Some(message) => Received::Message(message),
+            Ok(Some((len, descriptors))) => match buffer.get(..len).and_then(ToBroker::decode) {
+                Some(message) => Received::Message(message, descriptors.into_iter().next()),
                 None => self.is_gone("it speaks another version"),
             },
             Err(_) => self.is_gone("its socket is broken"),

@@ -223,8 +223,11 @@ impl Joint {
         let Some(connection) = &mut self.connection else { return };
         for _ in 0..LAST_WORDS {
             match connection.receive(buffer) {
-                Received::Message(ToBroker::Handed { client, number }) => self.logons.handed(client, number),
-                Received::Message(_) => {}
+                Received::Message(ToBroker::Handed { client, number }, _) => self.logons.handed(client, number),
+                Received::Message(ToBroker::Sending { client, ends }, socket) => {
+                    self.logons.sending(client, &ends, socket);
+                }
+                Received::Message(..) => {}
                 Received::Nothing | Received::Gone => return,
             }
         }

@@ -11,6 +11,7 @@
 #![allow(unsafe_code)]
 
 mod clock;
+mod confirmed;
 mod continued;
 mod crash;
 mod exit;
@@ -25,6 +26,7 @@ mod system_calls;
 mod usage;
 
 pub use clock::MonotonicClock;
+pub use confirmed::confirmed_bytes;
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, end_at_signal, end_now, lower_exit_guard};

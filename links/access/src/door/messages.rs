@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 9;
+pub const VERSION: u16 = 10;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
@@ -420,6 +420,14 @@ pub enum ToBroker {
         client: u32,
         /// Address and port of its partner.
         partner: String,
+    },
+    /// Changes of alarms are about to be written to the socket of this client. The first time the socket itself comes
+    /// along: if the process is killed, the kernel knows which of them its partner has.
+    Sending {
+        /// Number of the client.
+        client: u32,
+        /// Number of each change, and how many bytes of the connection are written when it is.
+        ends: Vec<(u64, u64)>,
     },
     /// Changes of alarms up to this one have left the link for this client. More of them come after that.
     Handed {

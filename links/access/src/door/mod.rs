@@ -103,7 +103,8 @@ pub struct Door {
     welcome: Option<Welcome>,
     listeners: Vec<OwnedFd>,
     ranges: Ranges,
-    outbox: VecDeque<Vec<u8>>,
+    /// Messages, and a descriptor that goes with one.
+    outbox: VecDeque<(Vec<u8>, Option<OwnedFd>)>,
     news: VecDeque<News>,
     tickets: Ticket,
     buffer: Vec<u8>,
@@ -267,12 +268,13 @@ impl Door {
     }
 
     fn say(&mut self, message: &ToBroker) {
-        self.outbox.push_back(message.encode());
+        self.outbox.push_back((message.encode(), None));
     }
 
     fn send(&mut self) -> Result<(), DoorError> {
-        while let Some(message) = self.outbox.front() {
-            match handover::send(&self.socket, message, &[]) {
+        while let Some((message, descriptor)) = self.outbox.front() {
+            let descriptors: Vec<_> = descriptor.iter().map(OwnedFd::as_fd).collect();
+            match handover::send(&self.socket, message, &descriptors) {
                 Ok(()) => drop(self.outbox.pop_front()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 Err(error) => return Err(ended(error)),
@@ -398,8 +400,14 @@ impl Door {
         self.send()
     }
 
-    /// Changes of alarms up to this one have left the link for a client: the broker sends it further ones, and does not
-    /// repeat these if the process is killed.
+    /// Changes of alarms that are about to be written for a client, each by its number and the bytes of the connection
+    /// that are written when it is; [`Door::flush`] before they are. The first time with the client's socket: if the
+    /// process is killed, the broker repeats what the kernel of the partner has not confirmed, and nothing else.
+    pub fn sending(&mut self, client: u32, ends: Vec<(u64, u64)>, socket: Option<OwnedFd>) {
+        self.outbox.push_back((ToBroker::Sending { client, ends }.encode(), socket));
+    }
+
+    /// Changes of alarms up to this one have left the link for a client: the broker sends it further ones.
     pub fn handed(&mut self, client: u32, number: u64) {
         self.say(&ToBroker::Handed { client, number });
     }

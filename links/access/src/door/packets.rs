@@ -169,7 +169,7 @@ wire!(struct Welcome {
 wire!(enum ToBroker {
     0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
     4 => Gone(client), 5 => Connections(list), 6 => Partner { client, partner },
-    7 => Handed { client, number },
+    7 => Handed { client, number }, 8 => Sending { client, ends },
 });
 wire!(struct Connection { partner, name, state, pdu, jobs, errors });
 wire!(enum ToLink {
@@ -284,6 +284,7 @@ mod tests {
             },
             ToBroker::Gone(5),
             ToBroker::Handed { client: 5, number: 77 },
+            ToBroker::Sending { client: 5, ends: vec![(77, 1000), (78, 1060)] },
             ToBroker::Partner { client: 7, partner: "[2001:db8::5]:1102".into() },
         ];
         to.extend(asks.into_iter().map(|ask| ToBroker::Ask { client: 1, ticket: 2, ask }));

@@ -1,5 +1,8 @@
 //! Alarms from the program through the broker to displays, and back.
 
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+
 use ob1_access::door::{ALARM_CHANGES, Answer, Ask, Door, News, Refusal};
 use ob1_access::{Right, Width};
 use ob1_model::{AlarmAck, AlarmChange, AlarmEvent, AlarmKind, AlarmNow, AlarmOrder, AlarmQuery, Displays};
@@ -164,6 +167,37 @@ fn a_display_continues_after_its_link_was_killed() {
     let mut door = station.open(0);
     door.partner(1, "10.0.0.6:1".into());
     assert_eq!(station.ask(&mut door, 1, log_on("A")), Answer::LoggedOn { after: fourth + 1 });
+}
+
+/// It is killed between writing and telling so: what the partner's system has confirmed is not repeated, the rest is.
+#[test]
+fn the_kernel_knows_what_a_killed_link_has_written() {
+    let mut station = Station::new(vec![link("panel", Right::Write)]);
+    let mut door = station.open(0);
+    door.partner(1, "10.0.0.5:1".into());
+    assert!(matches!(station.ask(&mut door, 1, log_on("A")), Answer::LoggedOn { .. }));
+    (0..4).for_each(|turn| station.signals(turn & 1 ^ 1));
+    let numbers: Vec<u64> = came(&mut station, &mut door, 1).iter().map(|event| event.number).collect();
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let mut panel = TcpStream::connect(listener.local_addr().expect("its address")).expect("connected");
+    let (mut ours, _) = listener.accept().expect("the panel");
+    // Telegrams of 100 bytes; the last is not announced.
+    let socket = ours.try_clone().expect("a descriptor");
+    door.sending(1, vec![(numbers[0], 100)], Some(socket.into()));
+    door.sending(1, vec![(numbers[1], 200), (numbers[2], 300)], None);
+    door.pump().expect("open");
+    station.cycles(2);
+    ours.write_all(&[7; 299]).expect("room");
+    drop((ours, door));
+    station.cycles(2);
+    let mut got = Vec::new();
+    panel.read_to_end(&mut got).expect("the end of the connection");
+    assert_eq!(got.len(), 299, "whoever else has the socket");
+    let mut door = station.open(0);
+    door.partner(2, "10.0.0.5:2".into());
+    assert_eq!(station.ask(&mut door, 2, log_on("A")), Answer::LoggedOn { after: numbers[1] });
+    let again: Vec<u64> = came(&mut station, &mut door, 2).iter().map(|event| event.number).collect();
+    assert_eq!(again, numbers[2..]);
 }
 
 /// After some time a display that does not come back is given up.
