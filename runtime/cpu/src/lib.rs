@@ -54,6 +54,7 @@ mod szl;
 mod szl_outside;
 mod szl_record;
 mod timers;
+mod twin;
 mod wall;
 mod watching;
 

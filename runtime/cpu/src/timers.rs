@@ -55,7 +55,7 @@ impl Timer {
     }
 
     /// Notes that the time has run out, if it has.
-    fn settle(&mut self, now: Instant) {
+    pub(crate) fn settle(&mut self, now: Instant) {
         if self.running && now >= self.end {
             self.running = false;
             self.rest = 0;

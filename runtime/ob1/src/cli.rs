@@ -23,6 +23,7 @@ use crate::new::{self, NewArgs};
 use crate::print::{self, PrintArgs};
 use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
+use crate::shadow::{self, ShadowArgs};
 use crate::show::{self, ShowArgs};
 use crate::soak::{self, SoakArgs};
 use crate::status::{self, StatusArgs};
@@ -93,6 +94,7 @@ enum Command {
     Download(DownloadArgs),
     Compare(CompareArgs),
     Diff(DiffArgs),
+    Shadow(ShadowArgs),
     Show(ShowArgs),
     Print(PrintArgs),
     Load(LoadArgs),
@@ -223,6 +225,7 @@ impl Command {
             Command::Download(args) => return import::download(&args).into(),
             Command::Compare(args) => return import::compare(&args).into(),
             Command::Diff(args) => return diff::diff(&args).into(),
+            Command::Shadow(args) => return shadow::shadow(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,

@@ -25,6 +25,7 @@ Exit codes:
   load: 0 loaded, or with --check a difference; 1 nothing to load.
   download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
   compare, diff: 0 the same program, 1 another one, 2 one of them cannot be read.
+  shadow: 0 equal, 1 differences, 2 nothing could be compared.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 

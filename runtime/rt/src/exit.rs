@@ -95,6 +95,20 @@ pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Resu
     unsafe { signal_hook::low_level::register(signal, end) }.map(drop)
 }
 
+/// Set by Ctrl-C or SIGTERM; a second one ends the process at once.
+///
+/// # Errors
+/// The system does not take a handler.
+pub fn ended_by_signal() -> io::Result<Arc<AtomicBool>> {
+    let ended = Arc::new(AtomicBool::new(false));
+    for signal in [libc::SIGINT, libc::SIGTERM] {
+        // In this order: the first signal finds it unarmed.
+        end_at_signal(signal, 128 + libc::SIGINT, Arc::clone(&ended))?;
+        signal_hook::flag::register(signal, Arc::clone(&ended))?;
+    }
+    Ok(ended)
+}
+
 /// In place of the C library's: a plugin finds the symbols of the program first. The C library itself ends a process
 /// that has called `exit()` by an internal name, not by this one. What is linked into the program finds it as well:
 /// there [`end_now`] is meant.

@@ -29,7 +29,7 @@ pub use clock::MonotonicClock;
 pub use confirmed::confirmed_bytes;
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
-pub use exit::{ExitGuard, end_at_signal, end_now, lower_exit_guard};
+pub use exit::{ExitGuard, end_at_signal, end_now, ended_by_signal, lower_exit_guard};
 pub use file_limit::survive_file_limit;
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
 pub use remedy::remedy;

@@ -50,6 +50,26 @@ impl Between {
         Self { port, said, threads }
     }
 
+    /// The TPKTs that clients have sent so far.
+    pub(crate) fn requests(&self) -> Vec<Vec<u8>> {
+        let said = self.said.lock().expect("not poisoned");
+        let mut streams = std::collections::BTreeMap::<usize, Vec<u8>>::new();
+        for (number, _, bytes) in said.iter().filter(|(_, there, _)| *there) {
+            streams.entry(*number).or_default().extend(bytes);
+        }
+        let mut frames = Vec::new();
+        for stream in streams.into_values() {
+            let mut rest = stream.as_slice();
+            while let Some(&[_, _, high, low]) = rest.first_chunk::<4>()
+                && let Some((frame, after)) = rest.split_at_checked(usize::from(u16::from_be_bytes([high, low])))
+            {
+                frames.push(frame.to_vec());
+                rest = after;
+            }
+        }
+        frames
+    }
+
     /// Writes the recorded data after all connections have been closed.
     pub(crate) fn write(&self, path: &Path) {
         for thread in self.threads.lock().expect("not poisoned").drain(..) {

@@ -50,6 +50,7 @@ mod s7_wincc;
 mod scan;
 mod scl_lines;
 mod serial_devices;
+mod shadow;
 mod siege;
 mod simulated_line;
 mod soak;

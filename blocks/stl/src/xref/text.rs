@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use ob1_ir::Program;
 
-use super::Reference;
+use super::{Access, Reference};
 use crate::identifiers::IDENTIFIERS;
 use crate::mnemonics::Mnemonics;
 
@@ -35,6 +35,12 @@ pub fn address_in_set(address: &str, set: Mnemonics) -> Option<String> {
 }
 
 impl Reference {
+    /// Whether it certainly writes the operand.
+    #[must_use]
+    pub const fn writes(&self) -> bool {
+        matches!(self.access, Access::Write | Access::ReadWrite)
+    }
+
     /// The operand in a set of mnemonics.
     #[must_use]
     pub fn operand_in(&self, set: Mnemonics) -> String {

@@ -21,9 +21,8 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
             BitTest::Counter(Number::Fixed(n)) => Wanted::Counters(n, n),
             _ => return Vec::new(),
         };
-        let writes = |reference: &&Reference| matches!(reference.access, Access::Write | Access::ReadWrite);
         let certain = self.meeting(&wanted).filter(|(how, _)| *how != Match::Possible);
-        certain.map(|(_, reference)| reference).filter(writes).collect()
+        certain.map(|(_, reference)| reference).filter(|reference| reference.writes()).collect()
     }
 
     /// The statements that call a block.

@@ -50,7 +50,7 @@ impl std::fmt::Display for Refused {
 }
 
 /// A result, or why there is none; the outer error is that of the wire.
-type Done<T, W> = Result<Result<T, Refused>, <W as Wire>::Error>;
+pub type Done<T, W> = Result<Result<T, Refused>, <W as Wire>::Error>;
 
 /// A connected programming device.
 #[derive(Debug)]
@@ -229,7 +229,7 @@ impl<W: Wire> Device<W> {
         if let Err(why) = self.job(&start.concat())? {
             return Ok(Err(why));
         }
-        let most = usize::from(self.client.pdu().unwrap_or(crate::MIN_PDU)).saturating_sub(PART).max(1);
+        let most = self.pdu().saturating_sub(PART).max(1);
         let mut parts = block.chunks(most).peekable();
         loop {
             // From here on the partner sends the jobs.
@@ -252,11 +252,16 @@ impl<W: Wire> Device<W> {
         }
     }
 
-    /// How many blocks [`Device::link`] takes: their names are in one telegram. An S7-300 has a PDU of 240 bytes.
+    /// The agreed PDU: bytes of a telegram. An S7-300 has 240.
+    #[must_use]
+    pub fn pdu(&self) -> usize {
+        usize::from(self.client.pdu().unwrap_or(crate::MIN_PDU))
+    }
+
+    /// How many blocks [`Device::link`] takes: their names are in one telegram.
     #[must_use]
     pub fn linkable(&self) -> usize {
-        let pdu = usize::from(self.client.pdu().unwrap_or(crate::MIN_PDU));
-        (pdu.saturating_sub(LINK) / BlockName::BYTES).clamp(1, usize::from(u8::MAX))
+        (self.pdu().saturating_sub(LINK) / BlockName::BYTES).clamp(1, usize::from(u8::MAX))
     }
 
     /// Links blocks that were loaded into the program, together; at most [`Device::linkable`].

@@ -4,8 +4,11 @@
 //! socket passes bytes in and takes bytes out.
 
 pub mod jobs;
+mod observer;
 
 use std::collections::VecDeque;
+
+pub use observer::Observer;
 
 use crate::codes::Code;
 use crate::iso::{Broken, Event, Place, Resource, Transport, Tsap};

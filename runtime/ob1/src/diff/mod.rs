@@ -4,7 +4,7 @@ mod blocks;
 mod pictures;
 mod side;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -89,20 +89,7 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
 /// Prints what differs between two programs that call the blocks of this library.
 pub(crate) fn show_between((old, new): (Program, Program), library: &Library, titles: [&str; 2]) {
     let [before, after] = titles.map(str::to_owned);
-    let side = |title, program| {
-        let (library, protected) = (library.clone(), BTreeSet::new());
-        Side {
-            title,
-            runs: false,
-            program,
-            library,
-            sources: BTreeMap::new(),
-            of_project: false,
-            protected,
-            made: BTreeMap::new(),
-        }
-    };
-    let (old, new) = (side(before, old), side(after, new));
+    let (old, new) = (Side::of_program(before, old, library.clone()), Side::of_program(after, new, library.clone()));
     let _ = compare(&Wanted::default(), &old, &new);
 }
 

@@ -13,7 +13,7 @@ use ob1_station_file::sources::Sources;
 use ob1_stl::print::Printer;
 use ob1_stl::{Library, Mnemonics, Source};
 
-use super::blocks::{Text, nameless, texts};
+use super::blocks::{Text, difference, nameless, texts};
 use crate::import::{self, CpuArgs, OfProject, Unit};
 
 /// What stands before the name of a CPU on the network.
@@ -80,6 +80,31 @@ impl Side {
             sources_of = texts_of(&program);
         }
         Ok(Self { title, runs, program, library, sources: sources_of, of_project, made, protected })
+    }
+
+    /// The program of a CPU on the network.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub(crate) fn of_cpu(cpu: &CpuArgs) -> Result<Self, String> {
+        let (program, library) = import::program_of_cpu(cpu)?;
+        Ok(Self { runs: true, ..Self::of_program(cpu.host.clone(), program, library) })
+    }
+
+    /// A program that calls blocks of a library.
+    pub(crate) fn of_program(title: String, program: Program, library: Library) -> Self {
+        let (sources, protected, made) = (BTreeMap::new(), BTreeSet::new(), BTreeMap::new());
+        Self { title, runs: false, program, library, sources, of_project: false, protected, made }
+    }
+
+    /// Where a block of this program (`-`) first differs from that of another one (`+`): its part and the lines. None
+    /// if it is the same in both, or only one has it.
+    pub(crate) fn first_difference(&self, other: &Self, block: BlockId) -> Option<(String, Vec<String>)> {
+        let [mine, its] = [self, other].map(|side| side.texts(&[block], false).remove(&block));
+        let (mine, its) = (mine?, its?);
+        let change = difference(&mine, &its).into_iter().next()?;
+        let lines = change.lines.iter().map(|(side, line)| format!("{side} {}", line.trim())).collect();
+        Some((change.at, lines))
     }
 
     /// Its blocks as text; only `wanted`, if there are any. `values`: those of data blocks, too.

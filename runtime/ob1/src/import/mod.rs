@@ -39,7 +39,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 
 pub(crate) use block_files::is_machine_code;
 pub(crate) use upload::{program_of_blocks, program_of_cpu};
-pub(crate) use wire::{CpuArgs, Unit};
+pub(crate) use wire::{CpuArgs, Socket, Unit, observe};
 
 /// Make a station of a STEP 7 project
 ///

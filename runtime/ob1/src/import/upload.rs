@@ -8,14 +8,14 @@ use ob1_ir::Program;
 use ob1_mc7::BlockImage;
 use ob1_model::BlockId;
 use ob1_project::{CodePage, Folder, Note, Notes, SymbolRow};
-use ob1_s7::client::jobs::Device;
+use ob1_s7::client::Observer;
 use ob1_s7::wire::BlockType;
 use ob1_stl::{Library, Mnemonics};
 
 use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
-use super::wire::{CpuArgs, Socket, connect};
+use super::wire::{CpuArgs, Socket, observe};
 use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, taken_of, translated};
 use crate::exit::{DiffExit, ImportExit};
 
@@ -79,7 +79,7 @@ pub fn upload(args: &UploadArgs) -> ImportExit {
 }
 
 fn run(args: &UploadArgs) -> Result<ImportExit, String> {
-    let mut device = connect(&args.cpu)?;
+    let mut device = observe(&args.cpu)?;
     let notes = about(&mut device)?;
     let (blocks, refused) = read(&mut device)?;
     let wanted = OfBlocks {
@@ -184,7 +184,7 @@ fn program_of(blocks: Blocks) -> Result<(Program, Library), String> {
 /// # Errors
 /// Why it cannot be read, the first block that it does not give.
 pub(crate) fn program_of_cpu(cpu: &CpuArgs) -> Result<(Program, Library), String> {
-    let (blocks, refused) = read(&mut connect(cpu)?)?;
+    let (blocks, refused) = read(&mut observe(cpu)?)?;
     match refused.into_iter().next() {
         Some((block, why)) => Err(format!("{}: {block}: {why}", cpu.host)),
         None => program_of(blocks),
@@ -200,7 +200,7 @@ pub(crate) fn program_of_blocks(path: &Path) -> Result<(Program, Library), Strin
 }
 
 /// Which CPU it is, and what its clock says.
-fn about(device: &mut Device<Socket>) -> Result<Notes, String> {
+fn about(device: &mut Observer<Socket>) -> Result<Notes, String> {
     let mut notes = Notes::new();
     // What a CPU does not tell is not needed.
     if let Ok((record, records)) = device.szl(0x0011, 0).map_err(|error| error.0)? {
@@ -221,7 +221,7 @@ fn about(device: &mut Device<Socket>) -> Result<Notes, String> {
 }
 
 /// All blocks of the program, and those the CPU does not give.
-fn read(device: &mut Device<Socket>) -> Result<(Blocks, BTreeMap<String, String>), String> {
+fn read(device: &mut Observer<Socket>) -> Result<(Blocks, BTreeMap<String, String>), String> {
     let (mut blocks, mut refused) = (Blocks::new(), BTreeMap::new());
     for ty in TYPES {
         let listed = device.blocks(ty).map_err(|error| error.0)?;
@@ -261,7 +261,7 @@ pub fn compare(args: &CompareArgs) -> DiffExit {
 
 fn held_against(args: &CompareArgs) -> Result<DiffExit, String> {
     let kept = collect(std::slice::from_ref(&args.folder))?;
-    let (there, _) = read(&mut connect(&args.cpu)?)?;
+    let (there, _) = read(&mut observe(&args.cpu)?)?;
     let names: BTreeSet<&String> = kept.keys().chain(there.keys()).collect();
     let mut other = 0;
     for name in names {

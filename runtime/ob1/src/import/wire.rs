@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use ob1_s7::client::jobs::{Device, Wire};
-use ob1_s7::client::{Client, Failure};
+use ob1_s7::client::{Client, Failure, Observer};
 use ob1_s7::iso::Place;
 use ob1_station_file::ISO_PORT;
 
@@ -38,7 +38,7 @@ pub(crate) struct Unit {
 
 /// A TCP connection to the CPU.
 #[derive(Debug)]
-pub(super) struct Socket {
+pub(crate) struct Socket {
     stream: TcpStream,
     name: String,
 }
@@ -66,7 +66,7 @@ impl Wire for Socket {
 
 /// Why the connection is of no use, in one sentence.
 #[derive(Debug)]
-pub(super) struct WireError(pub(super) String);
+pub(crate) struct WireError(pub(crate) String);
 
 impl From<Failure> for WireError {
     fn from(failure: Failure) -> Self {
@@ -98,6 +98,11 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
         given.map_err(|why| format!("the password: {why}"))?;
     }
     Ok(device)
+}
+
+/// Connects with what cannot change anything.
+pub(crate) fn observe(cpu: &CpuArgs) -> Result<Observer<Socket>, String> {
+    connect(cpu).map(Observer::new)
 }
 
 /// The host with a port: HOST, HOST:PORT, an IPv6 address, or one in brackets with a port.

@@ -28,7 +28,7 @@ const GIVE_UP: u64 = 1_000_000_000;
 const BARE_IMAGE_BYTES: u32 = 1024;
 
 /// Process I/O of sources without a station: as much as there can be.
-pub(super) fn bare_modules() -> Vec<ModuleConfig> {
+pub(crate) fn bare_modules() -> Vec<ModuleConfig> {
     let bytes = IO_AREA_BYTES as u16;
     let module = |name: &str, kind| ModuleConfig {
         name: name.into(),
@@ -78,8 +78,8 @@ impl Clock for BenchClock {
 }
 
 /// A CPU on the bench.
-pub(super) struct Bench {
-    pub(super) cpu: Cpu,
+pub(crate) struct Bench {
+    pub(crate) cpu: Cpu,
     clock: BenchClock,
     io: ProcessIo,
     field: IoField,
@@ -90,13 +90,13 @@ pub(super) struct Bench {
     /// When the next scan or interrupt is due.
     due: Instant,
     /// The time the test has reached: that of the last scan, or what `run` was to reach.
-    pub(super) now: Instant,
-    pub(super) scans: u64,
+    pub(crate) now: Instant,
+    pub(crate) scans: u64,
 }
 
 impl Bench {
     /// Loads `program` with modules in the form of a station's.
-    pub(super) fn new(
+    pub(crate) fn new(
         name: &str,
         config: CpuConfig,
         modules: &[ModuleConfig],
@@ -132,7 +132,7 @@ impl Bench {
     }
 
     /// Starts the CPU and runs the first scan, at time 0.
-    pub(super) fn start(&mut self, command: Command) {
+    pub(crate) fn start(&mut self, command: Command) {
         self.cpu.request(command);
         self.cycle();
     }
@@ -150,17 +150,17 @@ impl Bench {
     }
 
     /// One scan, when it is due, with the interrupts before it.
-    pub(super) fn scan(&mut self) {
+    pub(crate) fn scan(&mut self) {
         while !self.cycle() {}
     }
 
     /// The next scan or interrupt.
-    pub(super) fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         self.cycle();
     }
 
     /// All scans and interrupts that are due until `time`.
-    pub(super) fn run_until(&mut self, time: Instant) {
+    pub(crate) fn run_until(&mut self, time: Instant) {
         while self.due <= time {
             self.cycle();
         }
@@ -168,11 +168,11 @@ impl Bench {
     }
 
     /// True when something is due until `time`.
-    pub(super) fn is_due_until(&self, time: Instant) -> bool {
+    pub(crate) fn is_due_until(&self, time: Instant) -> bool {
         self.due <= time
     }
 
-    pub(super) fn state(&self) -> OperatingState {
+    pub(crate) fn state(&self) -> OperatingState {
         self.cpu.state()
     }
 
@@ -207,7 +207,7 @@ impl Bench {
         }
     }
 
-    fn write_input(&mut self, byte: usize, data: &[u8]) {
+    pub(crate) fn write_input(&mut self, byte: usize, data: &[u8]) {
         self.field.write_inputs(byte, data);
         for (cell, value) in self.process.iter_mut().skip(byte).zip(data) {
             *cell = *value;
@@ -215,7 +215,7 @@ impl Bench {
     }
 
     /// The process side of the I/O image: reads outputs, sets inputs.
-    pub(super) fn field(&self) -> IoField {
+    pub(crate) fn field(&self) -> IoField {
         self.field.clone()
     }
 }
@@ -227,13 +227,13 @@ impl std::fmt::Debug for Bench {
 }
 
 /// The CPU of sources without a station.
-pub(super) fn bare_config(min_cycle: Span) -> CpuConfig {
+pub(crate) fn bare_config(min_cycle: Span) -> CpuConfig {
     let bytes = BARE_IMAGE_BYTES;
     CpuConfig { input_bytes: bytes, output_bytes: bytes, memory_bytes: 2048, min_cycle, ..CpuConfig::default() }
 }
 
 /// A program with what its natives come from.
-pub(super) fn loaded(program: Program, of: &Loaded) -> Loaded {
+pub(crate) fn loaded(program: Program, of: &Loaded) -> Loaded {
     Loaded {
         program,
         plugins: of.plugins.clone(),

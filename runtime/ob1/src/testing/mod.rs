@@ -1,6 +1,6 @@
 //! `ob1 test`: unit tests for control programs, in virtual time. docs/testing.md
 
-mod bench;
+pub(crate) mod bench;
 mod cells;
 mod file;
 mod find;
