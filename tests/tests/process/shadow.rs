@@ -143,12 +143,12 @@ fn a_rack_with_another_program_is_told_where() {
     assert_eq!(code, Some(1), "{text}");
     for line in [
         "A 0.0 differs since",
-        "it begins in FC 1, network 1, own.awl:15 (FC 1 #high)",
+        "it begins in FC 1, network 1, own.awl:16 (FC 1 #high)",
         "the rack's FC 1 is another one, network 1:",
-        "- L     600;",
-        "+ L     650;",
+        "- L 600;",
+        "+ L 650;",
         "A 0.1 differs since",
-        "it begins in OB 1, network 2, own.awl:25 (T 5)",
+        "it begins in OB 1, network 2, own.awl:26 (T 5)",
         "3 cells compared, 2 of them different",
     ] {
         assert!(text.contains(line), "{line}\n{text}");
