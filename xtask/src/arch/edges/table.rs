@@ -432,6 +432,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-time",
         ],
     ),
+    // Stand-ins for tests: no product needs it.
+    row("ob1-fakes", "tools", &["ob1-coupler", "ob1-protocols"]),
     row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 

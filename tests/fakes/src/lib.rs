@@ -1,0 +1,4 @@
+//! Stand-ins for the tests of several crates: what the real ones have beside them in a plant. No product needs this.
+#![forbid(unsafe_code)]
+
+pub mod dp_slave;
