@@ -3,3 +3,4 @@
 
 pub mod cp_port;
 pub mod dp_slave;
+pub mod sink;
