@@ -2,12 +2,12 @@
 //! fetch its records loses them, and gets their number.
 
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use ob1_serial::record::{Kind, Record, VERSION, number_of};
-use ob1_serial::{Instant, LineInput, Span};
+use ob1_serial::{Instant, LineInput};
 use ob1_socket::seqpacket::{Channel, Listener, Sent};
 use serde_json::Value;
 use tracing::{trace, warn};
@@ -16,9 +16,6 @@ use tracing::{trace, warn};
 const MOST: usize = 4;
 /// Callers handled in one pass; the others wait.
 const CALLERS: usize = 4;
-/// Time without listening for callers after the system had no descriptor left: they keep the socket ready, and the
-/// driver would never sleep.
-const PAUSE: Span = Span::from_millis(500);
 /// Characters in one record.
 const CHUNK: usize = 4096;
 
@@ -27,8 +24,6 @@ const CHUNK: usize = 4096;
 pub struct Tap {
     path: Option<PathBuf>,
     socket: Option<Listener>,
-    /// Nobody is admitted before this time.
-    deaf_until: Instant,
     listeners: Vec<Client>,
     hello: Vec<u8>,
 }
@@ -77,18 +72,11 @@ impl Tap {
         self.listeners.is_empty()
     }
 
-    /// Accepts new listeners, a few in each pass; after a failed attempt none for half a second.
+    /// Accepts new listeners, a few in each pass.
     pub fn admit(&mut self, now: Instant) {
-        let Some(socket) = &self.socket else { return };
+        let Some(socket) = &mut self.socket else { return };
         for _ in 0..CALLERS {
-            let channel = match socket.accept() {
-                Ok(Some(channel)) => channel,
-                Ok(None) => return,
-                Err(_) => {
-                    self.deaf_until = now + PAUSE;
-                    return;
-                }
-            };
+            let Some(channel) = socket.accept(now) else { return };
             if self.listeners.len() < MOST {
                 let mut client = Client { channel, lost: 0 };
                 client.tell(now, &self.hello);
@@ -100,7 +88,7 @@ impl Tap {
     /// The descriptor that becomes readable when somebody calls; none while nobody can be admitted.
     #[must_use]
     pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
-        self.socket.as_ref().filter(|_| now >= self.deaf_until).map(Listener::as_fd)
+        self.socket.as_ref()?.fd(now)
     }
 
     /// Reports what comes from the line.

@@ -5,6 +5,7 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
+use ob1_time::{Instant, Span};
 use rustix::io::Errno;
 use rustix::net::{
     AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType, accept_with, bind, connect, listen,
@@ -78,12 +79,17 @@ pub struct Listener {
     fd: OwnedFd,
     /// Removed with the listener that has made it.
     path: Option<PathBuf>,
+    /// Nobody is accepted before this time.
+    deaf_until: Option<Instant>,
 }
+
+/// Time without accepting after the system had no descriptor or memory left.
+const PAUSE: Span = Span::from_millis(500);
 
 impl From<OwnedFd> for Listener {
     /// A socket that another process has bound.
     fn from(fd: OwnedFd) -> Self {
-        Self { fd, path: None }
+        Self { fd, path: None, deaf_until: None }
     }
 }
 
@@ -99,25 +105,36 @@ impl Listener {
         let _ = std::fs::remove_file(path);
         bind(&fd, &address)?;
         listen(&fd, BACKLOG)?;
-        Ok(Self { fd, path: Some(path.to_owned()) })
+        Ok(Self { fd, path: Some(path.to_owned()), deaf_until: None })
     }
 
-    /// The next caller, if there is one.
-    ///
-    /// # Errors
-    /// What accept(2) refuses with: no descriptor or no memory left.
-    pub fn accept(&self) -> io::Result<Option<Channel>> {
+    /// The next caller, if there is one. When the system has no descriptor or memory left for it, nobody is accepted
+    /// for half a second: the callers keep the socket ready, and its owner would never sleep.
+    pub fn accept(&mut self, now: Instant) -> Option<Channel> {
+        self.deaf_until.take_if(|until| now >= *until);
+        if self.deaf_until.is_some() {
+            return None;
+        }
         match accept_with(&self.fd, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
-            Ok(fd) => Ok(Some(Channel(fd))),
-            Err(Errno::AGAIN | Errno::INTR | Errno::CONNABORTED) => Ok(None),
-            Err(error) => Err(error.into()),
+            Ok(fd) => Some(Channel(fd)),
+            Err(Errno::AGAIN | Errno::INTR | Errno::CONNABORTED) => None,
+            Err(_) => {
+                self.deaf_until = Some(now + PAUSE);
+                None
+            }
         }
     }
-}
 
-impl AsFd for Listener {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        self.fd.as_fd()
+    /// The descriptor that becomes readable when somebody calls; none while nobody is accepted.
+    #[must_use]
+    pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
+        self.deaf_until.is_none_or(|until| now >= until).then(|| self.fd.as_fd())
+    }
+
+    /// When callers are to be accepted again; none: they are accepted.
+    #[must_use]
+    pub const fn deaf_until(&self) -> Option<Instant> {
+        self.deaf_until
     }
 }
 
@@ -143,10 +160,10 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("s");
         assert_eq!(Channel::connect(&path).expect_err("nobody").kind(), io::ErrorKind::NotFound);
-        let listener = Listener::bind(&path).expect("free");
-        assert!(listener.accept().expect("nobody yet").is_none());
+        let mut listener = Listener::bind(&path).expect("free");
+        assert!(listener.accept(Instant::START).is_none(), "nobody yet");
         let a = Channel::connect(&path).expect("somebody");
-        let b = listener.accept().expect("a caller").expect("a caller");
+        let b = listener.accept(Instant::START).expect("a caller");
         a.send(b"one").expect("alive");
         a.send(b"two").expect("alive");
         let mut buffer = [0; MESSAGE_MAX];

@@ -63,44 +63,6 @@ impl Comments {
         comments
     }
 
-    /// The three memos: heading, stream and labels. What is longer than its field is cut.
-    pub(crate) fn write(&self, page: CodePage) -> (Vec<u8>, Vec<u8>, Vec<u8>) {
-        let title = nul(page.bytes(&self.title));
-        let mut heading = vec![3];
-        heading.extend(word(3 + title.len()));
-        heading.extend(title);
-        heading.extend(nul(page.bytes(&self.comment)));
-        let (mut stream, mut info) = (Vec::new(), word(self.networks.len()).to_vec());
-        for network in &self.networks {
-            let before = stream.len();
-            let (title, comment) = (nul(page.bytes(&network.title)), nul(page.bytes(&network.comment)));
-            stream.push(6);
-            stream.extend(word(6 + title.len()));
-            stream.extend(word(6 + title.len() + comment.len()));
-            stream.push(6);
-            stream.extend(title.into_iter().chain(comment));
-            let mut at = 0;
-            for line in &network.lines {
-                let mut text = page.bytes(&line.text);
-                text.truncate(255);
-                stream.extend([text.len() as u8, 0]);
-                stream.extend(word(line.statement.saturating_sub(at) as usize));
-                stream.extend([if line.behind { 0x80 } else { 0 }, COLUMN]);
-                stream.extend(text);
-                at = line.statement;
-            }
-            info.extend(word(stream.len() - before));
-        }
-        info.extend(word(self.labels.len()));
-        for label in &self.labels {
-            let mut name = page.bytes(label);
-            name.resize(4, 0);
-            info.extend(name);
-            info.push(0);
-        }
-        (heading, stream, info)
-    }
-
     /// Takes one record of the stream; its length, or `None` when these bytes are not a record.
     fn record(&mut self, rest: &[u8], page: CodePage) -> Option<usize> {
         let word = |at: usize| Some(usize::from(u16::from_le_bytes(rest.get(at..at + 2)?.try_into().ok()?)));
@@ -128,18 +90,6 @@ impl Comments {
         });
         Some(6 + length)
     }
-}
-
-/// The column of the comments where STEP 7 prints a block.
-const COLUMN: u8 = 28;
-
-fn word(value: usize) -> [u8; 2] {
-    u16::try_from(value).unwrap_or(u16::MAX).to_le_bytes()
-}
-
-fn nul(mut bytes: Vec<u8>) -> Vec<u8> {
-    bytes.push(0);
-    bytes
 }
 
 fn upto_nul(bytes: &[u8]) -> &[u8] {

@@ -27,11 +27,11 @@ pub struct Cyclic {
 }
 
 /// Cycle behaviour: communication load in percent, reserved, monitoring time.
-const CYCLE: u8 = 0x02;
+pub(crate) const CYCLE: u8 = 0x02;
 /// Clock memory: 1 where it is used, in a word, and its byte in the low byte of the next.
-const CLOCK: u8 = 0x07;
+pub(crate) const CLOCK: u8 = 0x07;
 /// Cyclic interrupts OB 30 to 38: priority, reserved, interval, phase offset.
-const CYCLIC: u8 = 0x0D;
+pub(crate) const CYCLIC: u8 = 0x0D;
 
 /// Reads the records. What is cut off, or has impossible lengths, ends the list.
 pub(crate) fn read(bytes: &[u8]) -> CpuParameters {
@@ -61,31 +61,6 @@ pub(crate) fn read(bytes: &[u8]) -> CpuParameters {
         rest = &rest[length..];
     }
     parameters
-}
-
-/// The records of some parameters, for writing projects.
-pub(crate) fn write(parameters: &CpuParameters) -> Vec<u8> {
-    let mut out = Vec::new();
-    let mut record = |number: u8, content: &[u8]| {
-        out.extend([content.len() as u8 + 2, number]);
-        out.extend(content);
-    };
-    if let Some(ms) = parameters.monitoring_ms {
-        let [high, low] = ms.to_be_bytes();
-        record(CYCLE, &[20, 1, high, low, 0, 0, 0, 0]);
-    }
-    if let Some(byte) = parameters.clock_memory {
-        record(CLOCK, &[0, 1, 0, byte, 0xFF, 0xFF]);
-    }
-    if !parameters.cyclic.is_empty() {
-        let entry = |c: &Cyclic| {
-            let ([a, b], [d, e]) = (c.period_ms.to_be_bytes(), c.phase_ms.to_be_bytes());
-            [c.ob - 23, 0, a, b, d, e]
-        };
-        record(CYCLIC, &parameters.cyclic.iter().flat_map(entry).collect::<Vec<u8>>());
-    }
-    out.push(0);
-    out
 }
 
 #[cfg(test)]

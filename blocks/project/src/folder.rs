@@ -115,6 +115,22 @@ pub struct Use {
     pub interface: Stamp,
 }
 
+impl Language {
+    /// As block heads have it.
+    pub(crate) fn number(self) -> i64 {
+        match self {
+            Language::Stl => 1,
+            Language::Lad => 2,
+            Language::Fbd => 3,
+            Language::Scl => 4,
+            Language::Db => 5,
+            Language::Graph => 6,
+            Language::Cfc => 7,
+            Language::Other(number) => number.into(),
+        }
+    }
+}
+
 /// A user-defined type (UDT).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Udt {

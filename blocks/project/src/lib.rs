@@ -8,7 +8,6 @@ mod comments;
 mod compiled;
 mod cpu_parameters;
 mod dbf;
-mod dbf_writer;
 mod folder;
 mod hardware;
 mod links;
@@ -28,6 +27,7 @@ mod translate;
 mod tree;
 mod uploaded;
 mod values;
+#[cfg(feature = "write")]
 mod write;
 
 pub use archive::{Archive, LONGEST_FILE};
@@ -46,4 +46,5 @@ pub use symbols::SymbolRow;
 pub use text::CodePage;
 pub use translate::{ProgramFile, Translation, Wanted, image_of, translate};
 pub use tree::{FileSource, Files, Root, Tree};
+#[cfg(feature = "write")]
 pub use write::NewProject;

@@ -9,16 +9,16 @@ pub(crate) struct Links {
 }
 
 /// Length of a record.
-const RECORD: usize = 512;
+pub(crate) const RECORD: usize = 512;
 /// Length of its head (own offset, a flag, number of entries, 0) and of an entry: unit type, unit ID, object type,
 /// object ID, relation, kind.
-const HEAD: usize = 16;
+pub(crate) const HEAD: usize = 16;
 const ENTRY: usize = 24;
 
 /// Object type and relation of the three.
-const FOLDER: (u32, u32) = (0x0011_6001, 0x1E);
-const SYMBOLS: (u32, u32) = (0x0011_3001, 0x18);
-const SOURCES: (u32, u32) = (0x0011_2004, 0x62);
+pub(crate) const FOLDER: (u32, u32) = (0x0011_6001, 0x1E);
+pub(crate) const SYMBOLS: (u32, u32) = (0x0011_3001, 0x18);
+pub(crate) const SOURCES: (u32, u32) = (0x0011_2004, 0x62);
 
 /// Reads the record at `offset`. A record that is outside the file, or invalid, links to nothing.
 pub(crate) fn read(bytes: &[u8], offset: i64) -> Links {
@@ -38,39 +38,4 @@ pub(crate) fn read(bytes: &[u8], offset: i64) -> Links {
         }
     }
     links
-}
-
-/// A record with these links, for writing projects.
-pub(crate) fn write(offset: u32, links: Links) -> Vec<u8> {
-    let symbols = links.symbols.and_then(|id| u32::try_from(id).ok());
-    let entries = [(FOLDER, links.folder), (SYMBOLS, symbols), (SOURCES, links.sources)];
-    let entries: Vec<((u32, u32), u32)> = entries.into_iter().filter_map(|(kind, id)| Some((kind, id?))).collect();
-    let mut record = Vec::with_capacity(RECORD);
-    record.extend(offset.to_le_bytes());
-    record.extend(0u32.to_le_bytes());
-    record.extend((entries.len() as u32).to_le_bytes());
-    record.resize(HEAD, 0);
-    for ((ty, relation), id) in entries {
-        for word in [0, 0, ty, id, relation, 2] {
-            record.extend(word.to_le_bytes());
-        }
-    }
-    record.resize(RECORD, 0);
-    record
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_record_is_read_as_it_was_written() {
-        let links = Links { folder: Some(3), symbols: Some(638), sources: None };
-        let mut bytes = vec![0xAA; 512];
-        bytes.extend(write(512, links));
-        assert_eq!(read(&bytes, 512), links);
-        for offset in [-1, 0, 513, 900, 1024, i64::MAX] {
-            assert_eq!(read(&bytes, offset).folder, None, "{offset}");
-        }
-    }
 }

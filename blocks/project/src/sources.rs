@@ -1,9 +1,8 @@
 //! Source texts that lie in a project beside its blocks.
 
 use crate::dbf::Table;
-use crate::dbf_writer::{Cell, TableWriter};
 use crate::text::CodePage;
-use crate::tree::{Files, Tree};
+use crate::tree::Tree;
 
 /// A source text of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,9 +15,8 @@ pub struct SourceText {
     pub text: String,
 }
 
-/// TYPE of an STL source, and of one in SCL.
-const STL: i64 = 1_122_309;
-const SCL: i64 = 1_122_310;
+/// TYPE of an STL source.
+pub(crate) const STL: i64 = 1_122_309;
 
 /// Reads the container with this ID.
 pub(crate) fn read(tree: &Tree<'_>, root: &str, container: u32, page: CodePage) -> Vec<SourceText> {
@@ -36,23 +34,4 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, container: u32, page: CodePage) 
         });
     }
     sources
-}
-
-/// Writes the container with this ID.
-pub(crate) fn write(sources: &[SourceText], container: u32, page: CodePage, files: &mut Files) {
-    if sources.is_empty() {
-        return;
-    }
-    let folder = format!("s7asrcom/{container:08x}/");
-    let mut table = TableWriter::new(&[("NAME", 'C', 24), ("FILENAME", 'C', 16), ("TYPE", 'N', 11)]);
-    for (at, source) in sources.iter().enumerate() {
-        let file = format!("{at:08x}.src");
-        table.row(vec![
-            ("NAME", Cell::Bytes(page.bytes(&source.name))),
-            ("FILENAME", Cell::Bytes(file.clone().into_bytes())),
-            ("TYPE", Cell::Number(if source.stl { STL } else { SCL })),
-        ]);
-        files.put(&format!("{folder}{file}"), page.bytes(&source.text));
-    }
-    files.put(&format!("{folder}S7CONTAI.DBF"), table.finish().0);
 }

@@ -270,25 +270,11 @@ impl Sink {
     pub fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
         /// Candidates compared with one word.
         const CANDIDATES: usize = 2_000;
-        if self.suggestions_left == 0 || word.len() > 40 {
+        if self.suggestions_left == 0 {
             return None;
         }
         self.suggestions_left -= 1;
-        let word = word.to_uppercase();
-        let allowed = match word.chars().count() {
-            0..=1 => 0,
-            2..=4 => 1,
-            5..=8 => 2,
-            _ => 3,
-        };
-        known
-            .into_iter()
-            .take(CANDIDATES)
-            .filter(|k| k.len() <= 64)
-            .map(|k| (strsim::damerau_levenshtein(&word, &k.to_uppercase()), k))
-            .filter(|(distance, _)| *distance <= allowed)
-            .min_by_key(|(distance, _)| *distance)
-            .map(|(_, k)| k)
+        crate::near::nearest(word, known.into_iter().take(CANDIDATES))
     }
 
     /// True when an error was found.

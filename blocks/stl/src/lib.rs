@@ -43,6 +43,7 @@ mod literal;
 mod lower;
 mod mnemonics;
 mod names;
+mod near;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod numbering;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
@@ -95,6 +96,7 @@ pub use diagnostic::{Diagnostic, Limit, Rest, USES, excerpt, printable, render, 
 pub use library::{CANDIDATES, Candidate, KEY, Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
+pub use near::nearest;
 pub use numbering::Numbered;
 pub use recognise::{EXPORT_TAGS, names_no_symbol};
 pub use source::Source;

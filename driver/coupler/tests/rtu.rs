@@ -5,34 +5,16 @@ use ob1_coupler::config::{Parity, Span};
 use ob1_coupler::{
     BusConfig, CouplerConfig, Image, LineConfig, LineMaster, MasterInput, Order, Range, Serial, State, Table,
 };
+use ob1_fakes::sink::MachineLog;
 use ob1_line::LineSettings;
 use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_protocols::modbus::{Mode, Slave, frame, slave};
-use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Machine as _, SendError, Sink, Wire};
+use ob1_protocols::{Input, Instant, LineFault, LineInput, Machine as _};
 
 const MS: Span = Span::MILLISECOND;
 const COUPLERS: usize = 4;
 /// Bytes of each, each way.
 const BYTES: usize = 8;
-
-/// The output of a slave.
-#[derive(Default)]
-struct Mouth(Vec<u8>);
-
-impl Wire for Mouth {
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.0.extend(bytes);
-    }
-}
-
-impl Sink for Mouth {
-    fn room(&self) -> usize {
-        0
-    }
-    fn deliver(&mut self, _: &[u8]) {}
-    fn sent(&mut self, _: Result<(), SendError>) {}
-    fn report(&mut self, _: Event) {}
-}
 
 struct Coupler {
     slave: Slave,
@@ -126,9 +108,9 @@ impl Wires {
         if coupler.off {
             return;
         }
-        let mut mouth = Mouth::default();
+        let mut mouth = MachineLog::with_room(0);
         coupler.deadline = coupler.slave.step(self.now, input, &mut mouth);
-        self.bus.write(coupler.who, self.now, &mouth.0);
+        self.bus.write(coupler.who, self.now, &mouth.sent.concat());
     }
 
     fn run(&mut self, time: Span) {

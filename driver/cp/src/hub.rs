@@ -132,7 +132,7 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
             }
             deadline = hub.deadline().map_or(deadline, |at| at.min(deadline));
         }
-        let ready = wait(hub.as_ref(), deadline.since(clock()))?;
+        let ready = wait(hub.as_ref(), clock(), deadline)?;
         if terminate.load(Ordering::Relaxed) || ready && doorbell_closed()? {
             drop(hub);
             drop(lock);
@@ -158,13 +158,13 @@ fn own(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// Waits; true if standard input is readable.
-fn wait(hub: Option<&Hub>, timeout: Span) -> io::Result<bool> {
+fn wait(hub: Option<&Hub>, now: Instant, deadline: Instant) -> io::Result<bool> {
     let stdin = rustix::stdio::stdin();
     let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];
     if let Some(hub) = hub {
-        hub.poll_fds(&mut fds);
+        hub.poll_fds(now, &mut fds);
     }
-    ob1_process::wait(&mut fds, timeout)?;
+    ob1_process::wait(&mut fds, deadline.since(now))?;
     Ok(fds.first().is_some_and(|fd| !fd.revents().is_empty()))
 }
 

@@ -3,7 +3,6 @@
 //! * [`master`]: the master of one line, as a machine in virtual time. The stack is `profirust`; the code around it
 //!   compensates for what it lacks or does wrong.
 //! * [`wires`]: the line for the stack. Only whole telegrams that answer its requests reach it.
-//! * [`slave`]: a DP slave as a machine, for tests and simulated plants.
 //! * [`gsd`]: converts a GSD file and the modules in a slave's slots to its configuration and parameters.
 //! * [`scan`]: the stations on a line.
 #![forbid(unsafe_code)]
@@ -11,11 +10,9 @@
 pub mod gsd;
 pub mod master;
 pub mod scan;
-pub mod slave;
 mod stack;
 mod times;
 pub mod wires;
 
 pub use master::Master;
-pub use slave::Slave;
 pub use times::baud_rate;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags};
 
-use crate::line::{Instant, LineEvent, LineFault, LineInput, PollFds, Span};
+use crate::line::{Instant, LineEvent, LineFault, LineInput, PollFds};
 use crate::real::RealLine;
 use crate::settings::LineSettings;
 use crate::sim::{BusConfig, BusEvent, Frame, Participant, SimBus};
@@ -38,9 +38,6 @@ const MOST: usize = 32;
 /// the process.
 const CALLERS: usize = 16;
 const MESSAGES: usize = 64;
-/// Time without accepting after the system had no descriptor left: the callers keep the socket ready, and the process
-/// would never sleep.
-const PAUSE: Span = Span::from_millis(500);
 /// Characters of one participant that may wait for the line. One that writes more must wait: its messages stay in the
 /// socket, its bytes in the pty.
 const WAITING: usize = 16 * 1024;
@@ -67,8 +64,6 @@ pub struct Hub {
     guests: Vec<Guest>,
     partner: Option<AtWork>,
     most: usize,
-    /// Nobody is admitted before this time.
-    deaf_until: Option<Instant>,
     lost: u64,
     turned_away: u64,
 }
@@ -94,7 +89,7 @@ impl Hub {
         }
         let most = if config.half_duplex { MOST } else { 2 - usize::from(partner.is_some()) };
         let listener = Listener::bind(path)?;
-        Ok(Self { bus, listener, guests: Vec::new(), partner, most, deaf_until: None, lost: 0, turned_away: 0 })
+        Ok(Self { bus, listener, guests: Vec::new(), partner, most, lost: 0, turned_away: 0 })
     }
 
     /// CPs on the line.
@@ -118,10 +113,8 @@ impl Hub {
     }
 
     /// The descriptors to wait for.
-    pub fn poll_fds<'a>(&'a self, fds: &mut Vec<PollFd<'a>>) {
-        if self.deaf_until.is_none() {
-            fds.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
-        }
+    pub fn poll_fds<'a>(&'a self, now: Instant, fds: &mut Vec<PollFd<'a>>) {
+        fds.extend(self.listener.fd(now).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
         let heard = self.guests.iter().filter(|guest| !self.is_full(guest.who));
         fds.extend(heard.map(|guest| PollFd::from_borrowed_fd(guest.channel.as_fd(), PollFlags::IN)));
         if let Some(AtWork::Pty(line, who)) = &self.partner
@@ -140,7 +133,7 @@ impl Hub {
             Some(AtWork::Pty(line, who)) if !self.is_full(*who) => line.deadline(),
             _ => None,
         };
-        self.bus.next_event().into_iter().chain(partner).chain(self.deaf_until).min()
+        self.bus.next_event().into_iter().chain(partner).chain(self.listener.deaf_until()).min()
     }
 
     /// Does everything that is due by `now`.
@@ -164,19 +157,8 @@ impl Hub {
     }
 
     fn admit(&mut self, now: Instant) {
-        if self.deaf_until.is_some_and(|until| now < until) {
-            return;
-        }
-        self.deaf_until = None;
         for _ in 0..CALLERS {
-            let channel = match self.listener.accept() {
-                Ok(Some(channel)) => channel,
-                Ok(None) => return,
-                Err(_) => {
-                    self.deaf_until = Some(now + PAUSE);
-                    return;
-                }
-            };
+            let Some(channel) = self.listener.accept(now) else { return };
             if self.guests.len() >= self.most {
                 self.turned_away += 1;
                 continue;

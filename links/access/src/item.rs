@@ -2,8 +2,7 @@
 
 use ob1_ir::{DataBlock, Program, Symbol};
 use ob1_model::{Area, Cell, Component, DataType, Layout, Width};
-
-use crate::near::nearest;
+use ob1_stl::nearest;
 
 /// How a cell's bits are read as a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

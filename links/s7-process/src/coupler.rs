@@ -17,9 +17,9 @@ use ob1_s7_process::cp::{Cp, Network, Received, is_of};
 use ob1_serial::record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
-use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};
+use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, ipproto, socket_with, sockopt};
 
-use crate::sockets::{PAUSE, is_broken, keep_alive};
+use crate::sockets::{self, PAUSE, is_broken, keep_alive};
 use crate::tap::Shared;
 
 /// What a connection has of the network.
@@ -270,20 +270,17 @@ impl Coupler {
     /// Accepts for a passive TCP connection: the newest partner gets it.
     fn accept(&mut self, index: usize, now: Instant) {
         let Some(listener) = self.sockets.lines.get(index).and_then(|line| line.listener.as_ref()) else { return };
-        let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-        let (socket, peer) = match acceptfrom_with(listener, flags) {
-            Ok((socket, Some(peer))) => (socket, peer),
-            Ok((_, None)) | Err(Errno::AGAIN | Errno::CONNABORTED | Errno::INTR) => return,
+        let (socket, peer) = match sockets::accept(listener) {
+            Ok(Some(caller)) => caller,
+            Ok(None) => return,
             Err(_) => {
                 self.deaf_until = now + PAUSE;
                 return;
             }
         };
-        if !SocketAddr::try_from(peer).is_ok_and(|peer| self.cp.may_call(index, peer.ip())) {
+        if !self.cp.may_call(index, peer.ip()) {
             return;
         }
-        let _ = sockopt::set_tcp_nodelay(&socket, true);
-        keep_alive(&socket);
         // The partner may have closed the previous connection since the last look at it.
         self.cp.receive(index, now, &mut self.sockets);
         self.sockets.set(index, Socket::Up(TcpStream::from(socket)));

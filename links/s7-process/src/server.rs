@@ -13,15 +13,13 @@ use ob1_s7::iso::Refusal;
 use ob1_s7::server::{Connection, CpuEvent};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use rustix::net::sockopt;
-use rustix::net::{SocketAddrAny, SocketFlags, acceptfrom_with};
 use tracing::{debug, info, warn};
 
 use crate::coupler::Coupler;
 use crate::entries::Entries;
 use crate::session::Session;
 use crate::slots::{Verdict, admit, of};
-use crate::sockets::{PAUSE, is_broken, keep_alive};
+use crate::sockets::{self, PAUSE, is_broken};
 use crate::tap::{Shared, Tap};
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
@@ -368,11 +366,9 @@ impl Server {
         for index in ready {
             for _ in 0..ACCEPTS {
                 let Some(listener) = self.listeners.get(*index) else { break };
-                let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-                let (socket, peer) = match acceptfrom_with(listener, flags) {
-                    Ok((socket, Some(peer))) => (socket, peer),
-                    Ok((_, None)) | Err(Errno::CONNABORTED | Errno::INTR) => continue,
-                    Err(Errno::AGAIN) => break,
+                let (socket, peer) = match sockets::accept(listener) {
+                    Ok(Some(caller)) => caller,
+                    Ok(None) => break,
                     Err(error) => {
                         warn!("no connection can be accepted at the moment: {error}");
                         self.deaf_until = now + PAUSE;
@@ -384,12 +380,9 @@ impl Server {
         }
     }
 
-    fn open(&mut self, socket: OwnedFd, peer: SocketAddrAny, config: &Config, now: Instant) {
-        let Ok(mut peer) = SocketAddr::try_from(peer) else { return };
+    fn open(&mut self, socket: OwnedFd, mut peer: SocketAddr, config: &Config, now: Instant) {
         // An IPv4 partner is shown by its own address, also on a socket for IPv6.
         peer.set_ip(peer.ip().to_canonical());
-        let _ = sockopt::set_tcp_nodelay(&socket, true);
-        keep_alive(&socket);
         let mut half_open = self.sessions.iter().filter(|session| session.resource.is_none());
         if half_open.clone().count() >= HALF_OPEN
             && let Some(oldest) = half_open.clone().map(|s| s.since).min()

@@ -22,6 +22,7 @@ mod tier;
 mod translate;
 mod unsaved;
 mod watched;
+#[cfg(feature = "yardstick")]
 mod yardstick;
 
 pub use code::{memory_file, seal};

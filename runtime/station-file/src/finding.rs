@@ -7,7 +7,7 @@ use ob1_log::Severity;
 use ob1_stl::{excerpt, printable};
 use serde::Serialize;
 
-pub use ob1_access::nearest;
+pub use ob1_stl::nearest;
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

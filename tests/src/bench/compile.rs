@@ -1,5 +1,5 @@
 //! The compile time of the front ends for a large program: mixed statements, symbols, calls, structures; whether it is
-//! proportional to the length; and the lines of SCL a second.
+//! proportional to the length; the way of a program to another process; and the lines of SCL a second.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -18,6 +18,8 @@ const ROUNDS: usize = 5;
 const AIM_S: f64 = 2.0;
 /// Limit of the time ratio for twice the statements; caches and allocation make it a little more than 2.
 const LINEAR: f64 = 2.6;
+/// Limit of the time for writing and reading the file form, as a multiple of that for compiling the source.
+const HANDED_OVER: f64 = 2.0;
 /// Statements of one generated function.
 const BODY: usize = 50;
 /// Functions of the SCL program, of 38 lines each.
@@ -29,7 +31,7 @@ const SCL_AIM: f64 = 200_000.0;
 ///
 /// # Errors
 /// If the generated program is refused.
-pub fn measure() -> Result<[Figure; 3], Failure> {
+pub fn measure() -> Result<[Figure; 4], Failure> {
     let mut times = [0.0; SIZES.len()];
     for (time, statements) in times.iter_mut().zip(SIZES) {
         *time = compile(statements)?;
@@ -55,8 +57,33 @@ pub fn measure() -> Result<[Figure; 3], Failure> {
             floor: None,
             aim: ("< 2.6", growth < LINEAR),
         },
+        handed_over(times[1])?,
         scl()?,
     ])
+}
+
+/// The same program on its way to the process that makes machine code: written in the file form and read back.
+fn handed_over(compiled_ms: f64) -> Result<Figure, Failure> {
+    let (text, symbols) = program(SIZES[1]);
+    let source = Source::new("generated.awl", text.into_bytes());
+    let program = ob1_stl::compile(&[source], &Library::new(), &Options { symbols, ..Options::default() }).program;
+    let mut times = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let began = Instant::now();
+        let read = ob1_ir::parse(&ob1_ir::write(&program));
+        times.push(began.elapsed().as_secs_f64() * 1e3);
+        if read.as_ref() != Ok(&program) {
+            return Err("the file form is not what was written".into());
+        }
+    }
+    let value = median(&mut times);
+    Ok(Figure {
+        what: "hand 100,000 statements to another process".into(),
+        value,
+        unit: "ms",
+        floor: Some(("compiling them", compiled_ms)),
+        aim: ("<= 2 x", value <= HANDED_OVER * compiled_ms),
+    })
 }
 
 /// Lines of SCL a second.

@@ -2,44 +2,12 @@
 //! frames with a correct checksum, ends each order exactly once, and its result does not depend on how the characters
 //! are divided; the same for the simulated TCM 120.
 
+use ob1_fakes::sink::MachineLog;
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, encode};
 use ob1_protocols::esp2::{Config, Esp2, Telegram, WAKE};
-use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Span, Wire};
+use ob1_protocols::{Input, Instant, LineFault, LineInput, MS, Machine, Order, Span};
 
 use crate::tcm120;
-
-/// The output of the machine.
-#[derive(Default)]
-struct Partner {
-    sent: Vec<Vec<u8>>,
-    telegrams: Vec<Vec<u8>>,
-    ended: usize,
-    room: usize,
-}
-
-impl Wire for Partner {
-    fn transmit(&mut self, bytes: &[u8]) {
-        assert!(bytes == [WAKE] || is_frame(bytes), "{bytes:02X?}");
-        self.sent.push(bytes.to_vec());
-    }
-}
-
-impl Sink for Partner {
-    fn room(&self) -> usize {
-        self.room
-    }
-
-    fn deliver(&mut self, telegram: &[u8]) {
-        assert_eq!(telegram.len(), TELEGRAM_BYTES);
-        self.telegrams.push(telegram.to_vec());
-    }
-
-    fn sent(&mut self, _outcome: Result<(), SendError>) {
-        self.ended += 1;
-    }
-
-    fn report(&mut self, _event: Event) {}
-}
 
 fn is_frame(bytes: &[u8]) -> bool {
     let telegram = |frame: &[u8]| frame.get(2..FRAME_BYTES - 1).and_then(|bytes| Bytes::try_from(bytes).ok());
@@ -96,7 +64,7 @@ fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
 
 fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     let mut machine = Esp2::new(Config::cp240());
-    let mut partner = Partner { room, ..Partner::default() };
+    let mut partner = MachineLog::with_room(room);
     let (mut now, mut orders) = (Instant::from_secs(1), 0);
     let mut due = machine.step(now, Input::Tick, &mut partner);
     for act in acts {
@@ -125,7 +93,9 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
         }
     }
     machine.step(now, Input::Order(Order::Abort), &mut partner);
-    assert_eq!((partner.ended, machine.busy()), (orders, false));
+    assert_eq!((partner.ended.len(), machine.busy()), (orders, false));
+    assert!(partner.sent.iter().all(|bytes| *bytes == [WAKE] || is_frame(bytes)), "{:02X?}", partner.sent);
+    assert!(partner.telegrams.iter().all(|telegram| telegram.len() == TELEGRAM_BYTES));
     (partner.sent, partner.telegrams)
 }
 

@@ -2,48 +2,25 @@
 //! accepted frame is written back to the same characters, each order ends, and its response is one of those in the
 //! manual; records follow one another inside the answer, and a malformed one is the last.
 
+use ob1_fakes::sink::MachineLog;
 use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
 use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
-use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Wire};
+use ob1_protocols::{Input, LineFault, LineInput, MS, Machine, Order};
 use ob1_time::{Instant, Span};
 
-#[derive(Default)]
-struct Program {
-    room: usize,
-    responses: Vec<Vec<u8>>,
-    ended: Vec<Result<(), SendError>>,
-    sent: usize,
+fn is_request(bytes: &[u8]) {
+    assert!(matches!(Frame::decode(bytes), Progress::Whole(frame, n) if n == bytes.len()
+        && (frame == Frame::Single || frame.is_from_master() || bytes.len() > 1)));
 }
 
-impl Wire for Program {
-    fn transmit(&mut self, bytes: &[u8]) {
-        assert!(matches!(Frame::decode(bytes), Progress::Whole(frame, n) if n == bytes.len()
-            && (frame == Frame::Single || frame.is_from_master() || bytes.len() > 1)));
-        self.sent += 1;
+fn is_response(telegram: &[u8]) {
+    assert!(telegram.len() <= RESPONSE_MAX);
+    match *telegram {
+        [0x01] | [0x03] | [0x00, 0xE5] => {}
+        [0x00, c, _, ..] => assert_eq!(c & 0x40, 0, "a master's frame is no answer"),
+        _ => panic!("no response: {telegram:02X?}"),
     }
-}
-
-impl Sink for Program {
-    fn room(&self) -> usize {
-        self.room
-    }
-
-    fn deliver(&mut self, telegram: &[u8]) {
-        assert!(!telegram.is_empty() && telegram.len() <= self.room.min(RESPONSE_MAX));
-        match *telegram {
-            [0x01] | [0x03] | [0x00, 0xE5] => {}
-            [0x00, c, _, ..] => assert_eq!(c & 0x40, 0, "a master's frame is no answer"),
-            _ => panic!("no response: {telegram:02X?}"),
-        }
-        self.responses.push(telegram.to_vec());
-    }
-
-    fn sent(&mut self, outcome: Result<(), SendError>) {
-        self.ended.push(outcome);
-    }
-
-    fn report(&mut self, _event: Event) {}
 }
 
 /// An accepted frame is written back to the same characters, and no beginning of it is also a frame.
@@ -64,7 +41,7 @@ fn codec(data: &[u8]) {
 fn master(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     let (telegram, mut data) = data.split_at(data.len().min(usize::from(setup & 0x1F)));
-    let mut program = Program { room: if setup & 0x80 == 0 { 2048 } else { RESPONSE_MAX }, ..Program::default() };
+    let mut program = MachineLog::with_room(if setup & 0x80 == 0 { 2048 } else { RESPONSE_MAX });
     let mut machine = MBus::new(Config::cp240());
     let mut now = Instant::START;
     machine.step(now, Input::Tick, &mut program);
@@ -90,12 +67,14 @@ fn master(data: &[u8]) {
     // Three attempts at 300 baud, with the tolerance for an output that never reports its end: less than a minute.
     pass(&mut machine, &mut program, &mut now, due, 60_000 * MS);
     assert_eq!((program.ended.len(), machine.busy()), (1, false));
-    assert_eq!(program.responses.len(), usize::from(program.ended[0].is_ok()), "an order, a response");
-    assert!(program.sent <= 3);
+    assert_eq!(program.telegrams.len(), usize::from(program.ended[0].is_ok()), "an order, a response");
+    assert!(program.sent.len() <= 3);
+    program.sent.iter().for_each(|bytes| is_request(bytes));
+    program.telegrams.iter().for_each(|telegram| is_response(telegram));
 }
 
 /// Advances the time, with a tick at each deadline.
-fn pass(machine: &mut MBus, program: &mut Program, now: &mut Instant, mut due: Option<Instant>, time: Span) {
+fn pass(machine: &mut MBus, program: &mut MachineLog, now: &mut Instant, mut due: Option<Instant>, time: Span) {
     let end = *now + time;
     while let Some(at) = due.filter(|at| *at <= end) {
         *now = at.max(*now);

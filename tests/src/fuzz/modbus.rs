@@ -1,41 +1,11 @@
 //! Modbus with any characters: the decoders are total, what they accept is encoded to the same frame, a slave answers
 //! only requests that pass the check, and a master's order ends exactly once.
 
+use ob1_fakes::sink::MachineLog;
 use ob1_protocols::modbus::pdu::{self, Direction, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Master, Mode, Slave, TELEGRAM_BYTES, ascii, frame, master, rtu, slave};
-use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Order, SECOND, SendError, Sink, Wire};
+use ob1_protocols::{Input, LineFault, LineInput, MS, Machine, Order, SECOND};
 use ob1_time::Instant;
-
-#[derive(Default)]
-struct Partner {
-    sent: Vec<Vec<u8>>,
-    telegrams: Vec<Vec<u8>>,
-    ended: usize,
-}
-
-impl Wire for Partner {
-    fn transmit(&mut self, bytes: &[u8]) {
-        assert!(!bytes.is_empty() && bytes.len() <= FRAME_CHARACTERS);
-        self.sent.push(bytes.to_vec());
-    }
-}
-
-impl Sink for Partner {
-    fn room(&self) -> usize {
-        1024
-    }
-
-    fn deliver(&mut self, telegram: &[u8]) {
-        assert!(!telegram.is_empty() && telegram.len() <= TELEGRAM_BYTES);
-        self.telegrams.push(telegram.to_vec());
-    }
-
-    fn sent(&mut self, _outcome: Result<(), SendError>) {
-        self.ended += 1;
-    }
-
-    fn report(&mut self, _event: Event) {}
-}
 
 /// The codecs.
 fn decode(data: &[u8]) {
@@ -60,8 +30,8 @@ fn decode(data: &[u8]) {
 }
 
 /// Passes the characters in pieces; FEh is a silence, FFh a character error.
-fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
-    let mut partner = Partner::default();
+fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> MachineLog {
+    let mut partner = MachineLog::with_room(1024);
     let mut now: Instant = Instant::from_secs(1);
     machine.step(now, Input::Order(Order::Send(&[5, 3, 0, 0, 0, 1])), &mut partner);
     let mut due = machine.step(now, Input::Line(LineInput::TxDone), &mut partner);
@@ -87,7 +57,9 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
         }
     }
     machine.step(now, Input::Order(Order::Abort), &mut partner);
-    assert_eq!((partner.ended, machine.busy()), (1, false));
+    assert!(partner.sent.iter().all(|bytes| bytes.len() <= FRAME_CHARACTERS));
+    assert!(partner.telegrams.iter().all(|telegram| telegram.len() <= TELEGRAM_BYTES));
+    assert_eq!((partner.ended.len(), machine.busy()), (1, false));
     partner
 }
 

@@ -2,45 +2,16 @@
 //! how the characters are divided.
 
 use crate::defaults;
+use ob1_fakes::sink::MachineLog;
 use ob1_protocols::ascii::{Criterion, Sending};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
-use ob1_protocols::{Ascii, Event, Input, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Wire, ascii};
+use ob1_protocols::{Ascii, Input, LineFault, LineInput, MS, Machine, Order, ascii};
 use ob1_time::Instant;
-
-#[derive(Default)]
-struct Partner {
-    telegrams: Vec<Vec<u8>>,
-    room: usize,
-    ended: usize,
-}
-
-impl Wire for Partner {
-    fn transmit(&mut self, bytes: &[u8]) {
-        assert!(!bytes.is_empty());
-    }
-}
-
-impl Sink for Partner {
-    fn room(&self) -> usize {
-        self.room
-    }
-
-    fn deliver(&mut self, telegram: &[u8]) {
-        assert!(!telegram.is_empty() && telegram.len() <= self.room);
-        self.telegrams.push(telegram.to_vec());
-    }
-
-    fn sent(&mut self, _outcome: Result<(), SendError>) {
-        self.ended += 1;
-    }
-
-    fn report(&mut self, _event: Event) {}
-}
 
 /// Passes the characters in pieces; FEh is a silence, FFh a character error.
 fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) -> Vec<Vec<u8>> {
-    let mut partner = Partner { room, ..Partner::default() };
+    let mut partner = MachineLog::with_room(room);
     let mut now = Instant::START;
     machine.step(now, Input::Tick, &mut partner);
     let mut due = machine.step(now, Input::Order(Order::Send(b"beside it")), &mut partner);
@@ -62,7 +33,7 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) ->
         }
     }
     machine.step(now, Input::Order(Order::Abort), &mut partner);
-    assert_eq!((partner.ended, machine.busy()), (1, false));
+    assert_eq!((partner.ended.len(), machine.busy()), (1, false));
     partner.telegrams
 }
 

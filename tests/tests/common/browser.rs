@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use base64ct::{Base64, Encoding as _};
 use serde_json::{Value, json};
 
 use super::gate::Visitor;
@@ -225,7 +226,7 @@ impl Browser {
     /// A screenshot as a PNG.
     fn picture(&self) -> Vec<u8> {
         let text = self.call("GET", "/screenshot", &Value::Null);
-        decoded(text.as_str().expect("base64"))
+        Base64::decode_vec(text.as_str().expect("a text")).expect("base64")
     }
 
     /// The error messages of the page since the last call.
@@ -253,18 +254,6 @@ impl Key {
             Self::Escape => "\u{E00C}",
         }
     }
-}
-
-/// Base64.
-fn decoded(text: &str) -> Vec<u8> {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let digits: Vec<u32> =
-        text.bytes().filter_map(|byte| DIGITS.iter().position(|digit| *digit == byte)).map(|at| at as u32).collect();
-    let bytes = |four: &[u32]| {
-        let all = four.iter().fold(0, |all, digit| all << 6 | digit) << (6 * (4 - four.len()));
-        all.to_be_bytes()[1..four.len()].to_vec()
-    };
-    digits.chunks(4).flat_map(bytes).collect()
 }
 
 impl Drop for Browser {

@@ -95,11 +95,16 @@ impl<'t> Cursor<'t> {
     }
 
     /// The choice whose text stands here; of several the longest.
-    pub(super) fn choice<T: Copy>(&mut self, all: &[T], text: impl Fn(T) -> String, what: &'static str) -> Expected<T> {
+    pub(super) fn choice<T: Copy, S: AsRef<str>>(
+        &mut self,
+        all: impl IntoIterator<Item = T>,
+        text: impl Fn(T) -> S,
+        what: &'static str,
+    ) -> Expected<T> {
         let here = self.0.trim_start();
-        let fits = all.iter().filter(|one| here.starts_with(&text(**one)));
-        let found = *fits.max_by_key(|one| text(**one).len()).ok_or(what)?;
-        self.0 = &here[text(found).len()..];
+        let fits = all.into_iter().filter(|one| here.starts_with(text(*one).as_ref()));
+        let found = fits.max_by_key(|one| text(*one).as_ref().len()).ok_or(what)?;
+        self.0 = &here[text(found).as_ref().len()..];
         Ok(found)
     }
 }

@@ -1,5 +1,7 @@
 //! Operands and numbers.
 
+use std::sync::LazyLock;
+
 use ob1_model::{Area, BitAddr, BlockId, BlockKind};
 
 use super::cursor::{Cursor, Expected};
@@ -12,6 +14,14 @@ const AREAS: [Area; 8] =
 const KINDS: [BlockKind; 6] =
     [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Sfb, BlockKind::Sfc, BlockKind::Db];
 const REGISTERS: [AddressRegister; 2] = [AddressRegister::Ar1, AddressRegister::Ar2];
+/// How an operand begins: an area with a width, or only that.
+static TYPED: LazyLock<Vec<(String, Option<Area>, Width)>> = LazyLock::new(|| {
+    let of_width = |width| {
+        let areas = AREAS.map(|area| (area_text(area, width) + " ", Some(area), width));
+        areas.into_iter().chain([(letter(width).to_owned() + " ", None, width)])
+    };
+    WIDTHS.into_iter().flat_map(of_width).collect()
+});
 
 impl Cursor<'_> {
     /// `12.3`, or `12` for a whole byte.
@@ -28,11 +38,11 @@ impl Cursor<'_> {
     }
 
     pub(super) fn area(&mut self) -> Expected<Area> {
-        self.choice(&AREAS, |area| area.name().to_owned(), "an area")
+        self.choice(AREAS, Area::name, "an area")
     }
 
     pub(super) fn kind(&mut self) -> Expected<BlockKind> {
-        self.choice(&KINDS, |kind| kind.name().to_owned(), "a kind of block")
+        self.choice(KINDS, BlockKind::name, "a kind of block")
     }
 
     pub(super) fn block(&mut self) -> Expected<BlockId> {
@@ -75,23 +85,19 @@ impl Cursor<'_> {
             }
             whole = *self;
         }
-        let pairs: Vec<(Option<Area>, Width)> = AREAS
-            .into_iter()
-            .map(Some)
-            .chain([None])
-            .flat_map(|area| WIDTHS.into_iter().map(move |width| (area, width)))
-            .collect();
-        let text = |(area, width): (Option<Area>, Width)| {
-            area.map_or_else(|| letter(width).to_owned(), |area| area_text(area, width)) + " "
-        };
         // A bit by a pointer with its area has no letter.
         let bare = self.0.trim_start().starts_with("[AR");
-        let (area, width) = if bare { (None, Width::Bit) } else { self.choice(&pairs, text, WHAT)? };
+        let (area, width) = if bare {
+            (None, Width::Bit)
+        } else {
+            let (_, area, width) = self.choice(&*TYPED, |typed| &typed.0, WHAT)?;
+            (*area, *width)
+        };
         if !self.eat("[") {
             let area = area.ok_or(WHAT)?;
             return Ok(Operand { width, place: Place::Fixed(area, self.address()?) });
         }
-        let place = match self.choice(&REGISTERS, |register| register.to_string(), WHAT) {
+        let place = match self.choice(REGISTERS, |register| register.to_string(), WHAT) {
             Ok(register) => {
                 self.need(",P#")?;
                 let at = self.address()?;
@@ -109,7 +115,7 @@ impl Cursor<'_> {
     }
 
     fn width(&mut self) -> Expected<Width> {
-        self.choice(&WIDTHS, |width| letter(width).to_owned(), "a width")
+        self.choice(WIDTHS, letter, "a width")
     }
 
     /// The number of a timer, counter or block.
@@ -135,7 +141,7 @@ impl Cursor<'_> {
         if let Ok(at) = self.address() {
             return Ok(at.0);
         }
-        let area = self.choice(&AREAS, |area| area_text(area, Width::Bit) + " ", "a pointer")?;
+        let area = self.choice(AREAS, |area| area_text(area, Width::Bit) + " ", "a pointer")?;
         Ok(u32::from(area.pointer_code()) << 24 | self.address()?.0)
     }
 }

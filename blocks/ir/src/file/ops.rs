@@ -1,5 +1,8 @@
 //! Statements: the inverse of their text in the alternate form.
 
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
 use ob1_model::TimerKind;
 
 use super::cursor::{Cursor, Expected};
@@ -8,7 +11,7 @@ use crate::{
     NumberFormat, Op, Shift, StatusBit, Target, WordLogic,
 };
 
-/// Every operation without an operand. Their texts are with the operations, not here.
+/// Every operation without an operand, and scans of status bits. Their texts are with the operations, not here.
 pub(super) fn plain() -> Vec<Op> {
     let mut all = vec![
         Op::Close,
@@ -38,8 +41,9 @@ pub(super) fn plain() -> Vec<Op> {
         Op::McrClose,
         Op::Nop,
     ];
-    for logic in Logic::ALL {
-        all.extend([false, true].map(|negate| Op::Open { logic, negate }));
+    for (logic, negate) in Logic::ALL.into_iter().flat_map(|logic| [(logic, false), (logic, true)]) {
+        all.push(Op::Open { logic, negate });
+        all.extend(StatusBit::ALL.map(|bit| Op::Scan { logic, negate, test: BitTest::Status(bit) }));
     }
     for register in [AddressRegister::Ar1, AddressRegister::Ar2] {
         all.extend([Op::LoadAr(register), Op::TransferAr(register), Op::AddAr(register)]);
@@ -63,9 +67,11 @@ pub(super) fn plain() -> Vec<Op> {
 
 /// The operation of a statement, from its text.
 pub(super) fn op(text: &str) -> Expected<Op> {
+    static PLAIN: LazyLock<BTreeMap<String, Op>> =
+        LazyLock::new(|| plain().into_iter().map(|op| (op.to_string(), op)).collect());
     let text = text.trim();
-    if let Some(op) = plain().into_iter().find(|op| op.to_string() == text) {
-        return Ok(op);
+    if let Some(op) = PLAIN.get(text) {
+        return Ok(op.clone());
     }
     let mut line = Cursor(text);
     let op = with_operand(&mut line)?;
@@ -140,7 +146,7 @@ fn with_operand(line: &mut Cursor<'_>) -> Expected<Op> {
         "INC" => Op::Increment(line.number()?),
         "DEC" => Op::Decrement(line.number()?),
         "AUF" => {
-            let register = line.choice(&[DbRegister::Db, DbRegister::Di], |r| r.to_string(), "DB or DI")?;
+            let register = line.choice([DbRegister::Db, DbRegister::Di], |r| r.to_string(), "DB or DI")?;
             Op::OpenDb(register, line.block_number()?)
         }
         "LOOP" => Op::Loop(target(line)?),
@@ -182,12 +188,6 @@ fn test(line: &mut Cursor<'_>) -> Expected<BitTest> {
     }
     if counts(line) {
         return Ok(BitTest::Counter(numbered(line, "Z")?));
-    }
-    if let Some(status) =
-        StatusBit::ALL.into_iter().find(|status| BitTest::Status(*status).to_string() == line.0.trim())
-    {
-        line.0 = "";
-        return Ok(BitTest::Status(status));
     }
     Ok(BitTest::Bit(line.bit()?))
 }

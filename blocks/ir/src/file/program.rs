@@ -104,7 +104,7 @@ fn of_block(line: &mut Cursor<'_>, block: &mut CodeBlock) -> Expected<()> {
         block.code.push(Stmt { op, network, line: number });
         return Ok(());
     }
-    let section = line.choice(&Section::ALL, |one| format!("{} ", section(one)), "a section or a statement")?;
+    let section = line.choice(Section::ALL, |one| format!("{} ", section(one)), "a section or a statement")?;
     let name = line.quoted()?;
     line.need("@")?;
     let at = line.address()?;

@@ -86,9 +86,7 @@ impl Cursor<'_> {
             }
             return Ok(DataType::Struct(fields));
         }
-        let all: Vec<usize> = (0..PLAIN.len()).collect();
-        let index = self.choice(&all, |index| PLAIN[index].name().to_owned(), "a type")?;
-        Ok(PLAIN[index].clone())
+        self.choice(&PLAIN, DataType::name, "a type").cloned()
     }
 
     pub(super) fn initial(&mut self) -> Expected<Option<Vec<u8>>> {

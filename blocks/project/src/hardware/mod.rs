@@ -4,23 +4,16 @@
 //! `HATTRME1`, their place in the plant in their unit: module, rack, station. What the attributes mean was found out
 //! by comparing projects (`docs/import.md`); what is not known is not used.
 
-mod objects;
-mod profibus;
-mod tables;
+pub(crate) mod objects;
+pub(crate) mod profibus;
 
 use crate::cpu_parameters::{self, CpuParameters};
-use crate::dbf_writer::Cell;
 use crate::note::Notes;
 use crate::text::CodePage;
-use crate::tree::{Files, Tree};
-
-use objects::{
-    CPU_PARAMETERS, HAS_PROGRAM, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, PROGRAM, area_bytes,
-    read_kind,
-};
-use tables::Tables;
+use crate::tree::Tree;
 
 pub use objects::Area;
+use objects::{Interfaces, Object, Objects, read_kind};
 pub use profibus::{DpModule, DpSlave, DpSystem};
 
 /// The hardware of a project.
@@ -67,7 +60,7 @@ pub struct Module {
 }
 
 /// The unit type of stations: the project.
-const IN_PROJECT: i64 = 1_122_305;
+pub(crate) const IN_PROJECT: i64 = 1_122_305;
 /// Objects within each other: module, rack, station; a submodule of a device on a bus of a bus has some more.
 const DEEPEST: usize = 16;
 
@@ -114,53 +107,3 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, page: CodePage, notes: &mut Note
     hardware.modules.sort_by(|a, b| (&a.station, a.place).cmp(&(&b.station, b.place)));
     hardware
 }
-
-/// Writes a station with one CPU, in rack 0, and its modules.
-pub(crate) fn write(
-    cpu: Option<&Cpu>,
-    modules: &[Module],
-    dp: &[DpSystem],
-    program: i64,
-    page: CodePage,
-    files: &mut Files,
-) {
-    let Some(cpu) = cpu else { return };
-    profibus::write(dp, (1, STATION), (1, INTERFACE_OBJECT), page, files);
-    if !dp.is_empty() {
-        let mut interfaces = Tables::new();
-        interfaces.object(1, INTERFACE_OBJECT, (1, CPU_OBJECT), (0, 2, 1), page.bytes("DP"));
-        interfaces.put("s7hkdmax", files);
-    }
-    let mut station = Tables::new();
-    station.object(1, STATION, (PROJECT_OBJECT, IN_PROJECT), (-1, -1, -1), page.bytes(&cpu.station));
-    station.put("s7hstatx", files);
-    let mut cpus = Tables::new();
-    cpus.object(1, CPU_OBJECT, (1, STATION), (0, 2, 0), page.bytes(&cpu.name));
-    cpus.relations.row(vec![
-        ("SOBJID", Cell::Number(1)),
-        ("SOBJTYP", Cell::Number(CPU_OBJECT)),
-        ("RELID", Cell::Number(HAS_PROGRAM)),
-        ("TOBJID", Cell::Number(program)),
-        ("TOBJTYP", Cell::Number(PROGRAM)),
-    ]);
-    cpus.memo(1, CPU_PARAMETERS, cpu_parameters::write(&cpu.parameters));
-    cpus.put(if cpu.s7_400 { objects::CPUS_400 } else { "s7hk31ax" }, files);
-    let mut slots = Tables::new();
-    for (id, module) in (1..).zip(modules) {
-        slots.object(id, MODULE_OBJECT, (1, STATION), module.place, page.bytes(&module.name));
-        if !module.order.is_empty() {
-            slots.catalogue(id, &module.order);
-        }
-        for (attribute, areas) in [(INPUT_ADDRESSES, &module.inputs), (OUTPUT_ADDRESSES, &module.outputs)] {
-            slots.memo(id, attribute, area_bytes(areas));
-        }
-    }
-    slots.put("s7hk32ax", files);
-}
-
-/// Object types in the projects written here: a station, a CPU, a module, and the ID of the project.
-const STATION: i64 = 1_314_969;
-const CPU_OBJECT: i64 = 2_364_508;
-const INTERFACE_OBJECT: i64 = 2_364_509;
-const MODULE_OBJECT: i64 = 1_315_991;
-const PROJECT_OBJECT: i64 = 43;

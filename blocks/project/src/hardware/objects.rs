@@ -18,20 +18,20 @@ pub struct Area {
 }
 
 /// Attributes of HATTRME1 and HATTRIB1.
-pub(super) const INPUT_ADDRESSES: i64 = 110_981;
-pub(super) const OUTPUT_ADDRESSES: i64 = 110_983;
-pub(super) const CPU_PARAMETERS: i64 = 110_717;
-pub(super) const CATALOGUE: i64 = 4_098;
+pub(crate) const INPUT_ADDRESSES: i64 = 110_981;
+pub(crate) const OUTPUT_ADDRESSES: i64 = 110_983;
+pub(crate) const CPU_PARAMETERS: i64 = 110_717;
+pub(crate) const CATALOGUE: i64 = 4_098;
 /// Attributes: the module's name in the GSD file, its identifier; the slave's user parameters; the subnet's name.
-pub(super) const GSD_NAME: i64 = 110_970;
-pub(super) const IDENTIFIER: i64 = 110_752;
-pub(super) const USER_PARAMETERS: i64 = 110_800;
-pub(super) const SUBNET: i64 = 110_955;
+pub(crate) const GSD_NAME: i64 = 110_970;
+pub(crate) const IDENTIFIER: i64 = 110_752;
+pub(crate) const USER_PARAMETERS: i64 = 110_800;
+pub(crate) const SUBNET: i64 = 110_955;
 /// The relation of a CPU to its program, and the object type of a program.
-pub(super) const HAS_PROGRAM: i64 = 16;
-pub(super) const PROGRAM: i64 = 1_327_361;
+pub(crate) const HAS_PROGRAM: i64 = 16;
+pub(crate) const PROGRAM: i64 = 1_327_361;
 /// The relation of a DP master system to the interface of its master.
-pub(super) const HAS_INTERFACE: i64 = 1_315_834;
+pub(crate) const HAS_INTERFACE: i64 = 1_315_834;
 
 /// Objects by their type and ID.
 pub(super) type Objects = BTreeMap<(i64, i64), Object>;
@@ -63,7 +63,7 @@ pub(super) struct Object {
 }
 
 /// The folder of the CPUs of an S7-400.
-pub(super) const CPUS_400: &str = "s7hk41ax";
+pub(crate) const CPUS_400: &str = "s7hk41ax";
 
 /// Reads the objects of one folder: those of one kind of module.
 pub(super) fn read_kind(
@@ -181,30 +181,10 @@ fn order_number(catalogue: &str) -> String {
     }
 }
 
-/// The bytes of addresses, as [`areas`] reads them.
-pub(super) fn area_bytes(areas: &[Area]) -> Vec<u8> {
-    let mut out = Vec::new();
-    for area in areas {
-        for word in [area.first, 0, area.bytes, 0, 1, 1, 1, area.first + 1, 0] {
-            out.extend(word.to_le_bytes());
-        }
-    }
-    out.push(0);
-    out
-}
-
 /// The bytes after their number: a word, low byte first. None unless all are there.
 fn counted(bytes: &[u8]) -> Vec<u8> {
     let Some((count, rest)) = bytes.split_first_chunk::<2>() else { return Vec::new() };
     rest.get(..usize::from(u16::from_le_bytes(*count))).unwrap_or_default().to_vec()
-}
-
-/// Bytes as [`counted`] reads them.
-pub(super) fn with_count(bytes: &[u8]) -> Vec<u8> {
-    let mut out = (bytes.len() as u16).to_le_bytes().to_vec();
-    out.extend(bytes);
-    out.push(0);
-    out
 }
 
 #[cfg(test)]
@@ -227,7 +207,6 @@ mod tests {
     #[test]
     fn bytes_are_counted_and_a_count_is_not_believed() {
         assert_eq!(counted(&[2, 0, 0x40, 0x9F, 0]), [0x40, 0x9F]);
-        assert_eq!(counted(&with_count(&[1, 2, 3])), [1, 2, 3]);
         for wrong in [&[][..], &[1], &[1, 0], &[3, 0, 1, 2], &[0xFF, 0xFF, 1]] {
             assert_eq!(counted(wrong), [], "{wrong:?}");
         }

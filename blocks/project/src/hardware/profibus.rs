@@ -1,14 +1,7 @@
 //! DP master systems with their slaves, as the hardware configuration keeps them. What the attributes mean was found
 //! out by comparing projects (`docs/import.md`).
 
-use super::objects::{
-    Area, GSD_NAME, HAS_INTERFACE, IDENTIFIER, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, SUBNET,
-    USER_PARAMETERS, area_bytes, with_count,
-};
-use super::tables::Tables;
-use crate::dbf_writer::Cell;
-use crate::text::CodePage;
-use crate::tree::Files;
+use super::objects::{Area, Interfaces, Object, Objects};
 
 /// A DP master system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -60,9 +53,9 @@ pub struct DpModule {
 }
 
 /// The object type of a DP master system.
-const SYSTEM: i64 = 1_314_971;
+pub(crate) const SYSTEM: i64 = 1_314_971;
 /// Precedes the name of a module that continues in a further slot.
-const GOES_ON: &str = "-->";
+pub(crate) const GOES_ON: &str = "-->";
 
 /// The master systems among the objects; `station` finds the station of one.
 pub(super) fn systems(
@@ -112,68 +105,4 @@ fn module(object: &Object) -> Option<DpModule> {
         inputs: object.inputs.clone(),
         outputs: object.outputs.clone(),
     })
-}
-
-/// Object types of the slaves and modules written here, and their places in a slave without a subslot.
-const SLAVE: i64 = 1_314_988;
-const MODULE: i64 = 1_314_995;
-const HEAD: i64 = 1_315_030;
-
-/// Writes master systems of the station `station`, whose interface is `interface`.
-pub(super) fn write(
-    systems: &[DpSystem],
-    station: (i64, i64),
-    interface: (i64, i64),
-    page: CodePage,
-    files: &mut Files,
-) {
-    if systems.is_empty() {
-        return;
-    }
-    let (mut heads, mut slots) = (Tables::new(), Tables::new());
-    let mut next = 0;
-    let mut id = || {
-        next += 1;
-        next
-    };
-    for system in systems {
-        let own = id();
-        heads.object(own, SYSTEM, station, (0, 0, 0), page.bytes("DP master system"));
-        heads.attribute(own, SUBNET, page.bytes(&system.name));
-        heads.relations.row(vec![
-            ("SOBJID", Cell::Number(own)),
-            ("SOBJTYP", Cell::Number(SYSTEM)),
-            ("RELID", Cell::Number(HAS_INTERFACE)),
-            ("TOBJID", Cell::Number(interface.0)),
-            ("TOBJTYP", Cell::Number(interface.1)),
-        ]);
-        for slave in &system.slaves {
-            let (of, address) = (id(), i64::from(slave.address));
-            slots.object(of, SLAVE, (own, SYSTEM), (address, 0, 0), page.bytes(&slave.name));
-            slots.memo(of, USER_PARAMETERS, with_count(&slave.parameters));
-            if let Some(diagnostic) = slave.diagnostic {
-                let head = id();
-                slots.object(head, HEAD, (of, SLAVE), (address, 2, 0), page.bytes(&slave.name));
-                let address = Area { first: diagnostic.into(), bytes: 0 };
-                slots.memo(head, INPUT_ADDRESSES, area_bytes(&[address]));
-            }
-            for module in &slave.modules {
-                let at = id();
-                slots.object(at, MODULE, (of, SLAVE), (address, module.slot, 0), page.bytes(&module.name));
-                if !module.order.is_empty() {
-                    slots.catalogue(at, &module.order);
-                }
-                if !module.gsd.is_empty() {
-                    let mark = if module.goes_on { format!("{GOES_ON} ") } else { String::new() };
-                    slots.attribute(at, GSD_NAME, page.bytes(&format!("{mark}{}", module.gsd)));
-                    slots.memo(at, IDENTIFIER, with_count(&module.identifier));
-                }
-                for (attribute, areas) in [(INPUT_ADDRESSES, &module.inputs), (OUTPUT_ADDRESSES, &module.outputs)] {
-                    slots.memo(at, attribute, area_bytes(areas));
-                }
-            }
-        }
-    }
-    heads.put("S7HDPSSX", files);
-    slots.put("s7hslntx", files);
 }

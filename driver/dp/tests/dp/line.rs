@@ -4,7 +4,7 @@
 use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::{Diagnosis, kept_diagnosis, refusal_words};
 use ob1_coupler::{Image, Input, LineInput, State};
-use ob1_dp::slave::State as SlaveState;
+use ob1_fakes::dp_slave::State as SlaveState;
 use ob1_line::sim::FaultRates;
 
 use crate::wires::{MS, Wires, config, slave_of};
@@ -124,10 +124,10 @@ fn who_refuses_says_why() {
     let config = config(500_000, 4, 4);
     let mut wires = Wires::new(&config, FaultRates::NONE, 1);
     let dp = config.lines[0].dp.as_ref().expect("DP");
-    let other = |n: usize, change: fn(&mut ob1_dp::slave::SlaveConfig)| {
+    let other = |n: usize, change: fn(&mut ob1_fakes::dp_slave::SlaveConfig)| {
         let mut slave = slave_of(dp, n);
         change(&mut slave);
-        ob1_dp::Slave::new(slave)
+        ob1_fakes::dp_slave::Slave::new(slave)
     };
     wires.slaves[0].slave = other(0, |slave| slave.ident = 0x806A);
     wires.slaves[1].slave = other(1, |slave| slave.config = vec![0x11]);
@@ -189,7 +189,8 @@ fn a_master_that_speaks_too_soon_is_found() {
     const CHARACTER: Span = Span::from_micros(22);
     // A test of the check itself: a request without TSYN before it.
     let mut wires = quiet(500_000, 1, 4);
-    let mut slave = ob1_dp::Slave::new(slave_of(config(500_000, 1, 4).lines[0].dp.as_ref().expect("DP"), 0));
+    let mut slave =
+        ob1_fakes::dp_slave::Slave::new(slave_of(config(500_000, 1, 4).lines[0].dp.as_ref().expect("DP"), 0));
     let mut out = Vec::new();
     let telegram = [0x10, 3, 2, 0x49, 0x4E, 0x16];
     let first = Instant::from_micros(100);

@@ -2,67 +2,16 @@
 
 mod manual;
 
-use std::collections::BTreeMap;
-
-use ob1_firmware::{
-    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Instant, Leds, LineFault, LineInput,
-    LineSettings, Reason, Span, Troubles, Why, Wire,
-};
+use ob1_fakes::cp_port::CpLog;
+use ob1_firmware::{Cp as _, Cp040, CpCounter, CpInput, Instant, LineFault, LineInput, Reason, Span, Why};
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_words::slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
 
 const MS: Span = Span::MILLISECOND;
 
-#[derive(Default)]
-struct Log {
-    inputs: Vec<u8>,
-    tx: Vec<u8>,
-    settings: Option<LineSettings>,
-    leds: Leds,
-    counters: BTreeMap<CpCounter, u64>,
-    records: Vec<DiagnosticRecord>,
-    interrupts: Vec<(bool, u8)>,
-    troubles: Troubles,
-}
-
-impl Wire for Log {
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.tx.extend_from_slice(bytes);
-    }
-}
-
-impl CpPort for Log {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.inputs = registers.to_vec();
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
-        self.settings = Some(*settings);
-    }
-
-    fn record(&mut self, record: &[u8]) {
-        self.records.push(record.try_into().expect("20 bytes"));
-    }
-
-    fn leds(&mut self, leds: Leds) {
-        self.leds = leds;
-    }
-
-    fn count(&mut self, counter: CpCounter, n: u64) {
-        *self.counters.entry(counter).or_default() += n;
-    }
-
-    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
-        self.troubles.event(now, &event);
-        if let CpEvent::Record { incoming, record } = event {
-            self.interrupts.push((incoming, record[0]));
-        }
-    }
-}
-
 struct Bench {
     cp: Cp040,
-    log: Log,
+    log: CpLog,
     now: Instant,
     due: Option<Instant>,
     outputs: Vec<u8>,
@@ -78,7 +27,7 @@ impl Bench {
         let (cp, outputs) = (Cp040::new(io_bytes), vec![0; io_bytes]);
         let mut bench = Self {
             cp,
-            log: Log { inputs: outputs.clone(), ..Log::default() },
+            log: CpLog { inputs: outputs.clone(), ..CpLog::default() },
             now: Instant::START,
             due: None,
             outputs,
@@ -93,6 +42,11 @@ impl Bench {
 
     fn step(&mut self, input: CpInput<'_>) {
         self.due = self.cp.step(self.now, input, &mut self.log);
+    }
+
+    /// Diagnostic interrupts: whether the error comes, and the first byte of its record.
+    fn interrupts(&self) -> Vec<(bool, u8)> {
+        self.log.interrupts.iter().map(|(incoming, record)| (*incoming, record[0])).collect()
     }
 
     fn line(&mut self, input: LineInput<'_>) {
@@ -191,9 +145,9 @@ fn ascii_goes_both_ways_with_every_io_size() {
     for io_bytes in 8..=60 {
         let mut bench = Bench::new(io_bytes, &[("protocol", "ascii"), ("duplex", "full"), ("zvz_ms", "3")]);
         for length in [1, 4, io_bytes - 4, io_bytes - 3, 250, 1024] {
-            bench.log.tx.clear();
+            bench.log.wire.tx.clear();
             assert_eq!(bench.send(&pattern(length)), Some(Ok(())), "{length} bytes of {io_bytes}");
-            assert_eq!(bench.log.tx, pattern(length));
+            assert_eq!(bench.log.wire.tx, pattern(length));
             bench.line(LineInput::Rx(&pattern(length)));
             assert_eq!(bench.fetch(), None, "ZVZ ends a telegram");
             bench.pass(3 * MS);
@@ -252,9 +206,9 @@ fn a_qvz_of_0_is_three_characters() {
     assert_eq!(bench.send(b"a"), None);
     // 10 bits at 9600: 1.042 ms.
     bench.pass(3 * MS);
-    assert_eq!(bench.log.tx, [0x02]);
+    assert_eq!(bench.log.wire.tx, [0x02]);
     bench.pass(MS / 5);
-    assert_eq!(bench.log.tx, [0x02; 2]);
+    assert_eq!(bench.log.wire.tx, [0x02; 2]);
 }
 
 /// TMO = 0 is three characters, too: at once would let no telegram come.
@@ -293,7 +247,7 @@ fn in_half_duplex_a_cp_does_not_hear_itself() {
     let mut area = vec![0x8A, 0, 0, 2, b'h', b'i'];
     area.resize(60, 0);
     bench.put(&area);
-    assert_eq!(bench.log.tx, b"hi");
+    assert_eq!(bench.log.wire.tx, b"hi");
     bench.line(LineInput::Rx(b"hi"));
     bench.line(LineInput::TxDone);
     bench.pass(10 * MS);
@@ -328,7 +282,7 @@ fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
             let expected =
                 if seen { [0x05, 0x1C, 0, 0, 0x60, 8, 1, 1, 0x10] } else { [0, 0x1C, 0, 0, 0x60, 8, 1, 0, 0] };
             assert_eq!(record[..9], expected, "{duplex} {preset} {fault:?}");
-            assert_eq!(bench.log.interrupts, if seen { vec![(true, 5)] } else { vec![] });
+            assert_eq!(bench.interrupts(), if seen { vec![(true, 5)] } else { vec![] });
             if seen {
                 assert_eq!(record[16..], 70_000_u32.to_be_bytes(), "the ticker");
                 bench.line(if fault == LineFault::Gone {
@@ -336,7 +290,7 @@ fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
                 } else {
                     LineInput::Rx(b"x")
                 });
-                assert_eq!(bench.log.interrupts, [(true, 5), (false, 0)]);
+                assert_eq!(bench.interrupts(), [(true, 5), (false, 0)]);
             }
         }
     }
@@ -349,9 +303,9 @@ fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
         bench.cp.enable_diagnostics(true);
         bench.step(CpInput::NoLine);
         bench.line(LineInput::TxDone);
-        assert_eq!((bench.log.interrupts.len(), bench.log.records.last().map(|r| r[8])), (0, Some(0)));
+        assert_eq!((bench.interrupts().len(), bench.log.records.last().map(|r| r[8])), (0, Some(0)));
         bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
-        assert_eq!(bench.log.interrupts, if comes { vec![] } else { vec![(true, 5)] });
+        assert_eq!(bench.interrupts(), if comes { vec![] } else { vec![(true, 5)] });
     }
 }
 
@@ -359,7 +313,7 @@ fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
 fn without_diag_en_there_is_a_record_and_no_interrupt() {
     let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("preset", "break")]);
     bench.line(LineInput::Fault(LineFault::Break));
-    assert_eq!((bench.log.records.last().map(|r| r[8]), bench.log.interrupts.len()), (Some(0x10), 0));
+    assert_eq!((bench.log.records.last().map(|r| r[8]), bench.interrupts().len()), (Some(0x10), 0));
 }
 
 #[test]
@@ -387,9 +341,9 @@ fn wrong_parameters_show_nothing_but_mf() {
     bench.step(CpInput::Parameters(&bytes));
     assert!(!bench.cp.is_working());
     assert_eq!((bench.log.inputs.as_slice(), bench.log.leds.power, bench.log.leds.error), (&[0; 16][..], false, true));
-    assert_eq!(bench.log.interrupts, [(true, 0x81)]);
+    assert_eq!(bench.interrupts(), [(true, 0x81)]);
     bench.step(CpInput::Parameters(&parameters(&[("protocol", "ascii")])));
-    assert_eq!(bench.log.interrupts, [(true, 0x81), (false, 0)]);
+    assert_eq!(bench.interrupts(), [(true, 0x81), (false, 0)]);
     assert!(bench.cp.is_working());
 }
 
@@ -414,20 +368,20 @@ fn the_slave_short_is_the_process_image_itself() {
     bench.put(&outputs);
     bench.line(LineInput::Rx(&rtu(&[3, 4, 0, 8, 0, 2])));
     bench.pass(100 * MS);
-    assert_eq!(bench.log.tx, rtu(&[&[3, 4, 4], &outputs[16..]].concat()));
+    assert_eq!(bench.log.wire.tx, rtu(&[&[3, 4, 4], &outputs[16..]].concat()));
     bench.line(LineInput::TxDone);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     // It writes word 9.
     bench.line(LineInput::Rx(&rtu(&[3, 6, 0, 9, 0xAB, 0xCD])));
     bench.pass(100 * MS);
     assert_eq!(bench.log.inputs[18..], [0xAB, 0xCD]);
-    assert_eq!(bench.log.tx, rtu(&[3, 6, 0, 9, 0xAB, 0xCD]));
+    assert_eq!(bench.log.wire.tx, rtu(&[3, 6, 0, 9, 0xAB, 0xCD]));
     bench.line(LineInput::TxDone);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     // Word 10 does not exist.
     bench.line(LineInput::Rx(&rtu(&[3, 6, 0, 10, 0xAB, 0xCD])));
     bench.pass(100 * MS);
-    assert_eq!(bench.log.tx[1], 0x86);
+    assert_eq!(bench.log.wire.tx[1], 0x86);
 }
 
 #[test]
@@ -439,25 +393,25 @@ fn the_slave_long_tells_where_the_master_has_written() {
         assert_eq!(bench.send(&pattern(100)), Some(Ok(())));
         bench.line(LineInput::Rx(&rtu(&[3, 4, 0, 0, 0, 50])));
         bench.pass(100 * MS);
-        assert_eq!(bench.log.tx, rtu(&[&[3, 4, 100][..], &pattern(100)].concat()));
+        assert_eq!(bench.log.wire.tx, rtu(&[&[3, 4, 100][..], &pattern(100)].concat()));
         bench.line(LineInput::TxDone);
-        bench.log.tx.clear();
+        bench.log.wire.tx.clear();
         // Two words at byte 280: block 35, 8 bytes.
         bench.line(LineInput::Rx(&rtu(&[3, 0x10, 0, 140, 0, 2, 4, 1, 2, 3, 4])));
         bench.pass(50 * MS);
-        assert_eq!(bench.log.tx, [], "answered when the CPU has the data");
+        assert_eq!(bench.log.wire.tx, [], "answered when the CPU has the data");
         assert_eq!(bench.fetch(), Some((280, vec![1, 2, 3, 4, 0, 0, 0, 0], 0)));
-        assert_eq!(bench.log.tx, rtu(&[3, 0x10, 0, 140, 0, 2]));
+        assert_eq!(bench.log.wire.tx, rtu(&[3, 0x10, 0, 140, 0, 2]));
     }
 }
 
 #[test]
 fn a_modbus_master_delivers_the_answer() {
     let mut bench = Bench::new(16, &[("protocol", "modbus-master-rtu"), ("duplex", "full"), ("baud", "109700")]);
-    assert_eq!(bench.log.settings.map(|s| s.baud), Some(109_700));
+    assert_eq!(bench.log.settings.last().map(|s| s.baud), Some(109_700));
     assert_eq!(bench.send(&[5, 3, 0, 0, 0, 1]), None);
     bench.pass(100 * MS);
-    assert_eq!(bench.log.tx, rtu(&[5, 3, 0, 0, 0, 1]));
+    assert_eq!(bench.log.wire.tx, rtu(&[5, 3, 0, 0, 0, 1]));
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&rtu(&[5, 3, 2, 0x12, 0x34])));
     bench.pass(50 * MS);
@@ -470,12 +424,12 @@ fn a_stopped_cpu_commands_nothing() {
     let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full")]);
     bench.step(CpInput::CpuRun(false));
     bench.put(&[0x8A, 0, 0, 1, b'x']);
-    assert_eq!(bench.log.tx, b"");
+    assert_eq!(bench.log.wire.tx, b"");
     bench.put(&[0; 16]);
     bench.step(CpInput::CpuRun(true));
     bench.put(&[0x88]);
     assert_eq!(bench.send(b"y"), Some(Ok(())));
-    assert_eq!(bench.log.tx, b"y");
+    assert_eq!(bench.log.wire.tx, b"y");
 }
 
 #[test]
@@ -513,10 +467,10 @@ fn a_modbus_master_does_not_take_what_is_no_request() {
         assert_eq!(bench.send(telegram), Some(Err(Failure::Length)), "{} bytes", telegram.len());
     }
     bench.pass(1000 * MS);
-    assert_eq!(bench.log.tx, b"");
+    assert_eq!(bench.log.wire.tx, b"");
     assert_eq!(bench.send(&[5, 3, 0, 0, 0, 1]), None);
     bench.pass(100 * MS);
-    assert_eq!(bench.log.tx, rtu(&[5, 3, 0, 0, 0, 1]));
+    assert_eq!(bench.log.wire.tx, rtu(&[5, 3, 0, 0, 0, 1]));
 }
 
 /// "Character with error received" [S3 L319]: one error for each telegram, however often the CPU looks.

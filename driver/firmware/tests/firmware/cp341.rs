@@ -5,7 +5,9 @@ use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
 use ob1_firmware::{Cp as _, CpInput, Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_params::{Cp341 as Parameters, Value};
 
-use crate::common::{Log, MS};
+use ob1_fakes::cp_port::CpLog;
+
+use crate::common::MS;
 
 const SECOND: Span = Span::from_millis(1000);
 
@@ -14,22 +16,22 @@ fn parameters(baud: i64) -> Parameters {
 }
 
 /// Entries of the diagnostic buffer, oldest first.
-fn entries(log: &Log) -> Vec<&str> {
+fn entries(log: &CpLog) -> Vec<&str> {
     log.events.iter().filter_map(|event| event.strip_prefix("Entry(")?.strip_suffix(')')).collect()
 }
 
 /// States that have gone, by entries of the diagnostic buffer.
-fn gone(log: &Log) -> Vec<&str> {
+fn gone(log: &CpLog) -> Vec<&str> {
     log.events.iter().filter_map(|event| event.strip_prefix("EntryGone(")?.strip_suffix(')')).collect()
 }
 
-fn interrupts(log: &Log) -> Vec<&String> {
+fn interrupts(log: &CpLog) -> Vec<&String> {
     log.events.iter().filter(|event| event.starts_with("Diagnosis")).collect()
 }
 
 #[test]
 fn start_stop_and_parameters_are_entered() {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     cp.step(Instant::from_millis(1), CpInput::CpuRun(false), &mut log);
@@ -43,7 +45,7 @@ fn start_stop_and_parameters_are_entered() {
 
 #[test]
 fn without_parameters_a_job_ends_with_0502() {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     let wrong = Parameters::from_keys([]).expect_err("nothing is no parameters");
     cp.step(Instant::START, CpInput::Keys(Err(&wrong)), &mut log);
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
@@ -67,8 +69,8 @@ const WIRE_BREAK: [u8; 6] = [0x25, 0x0C, 0x02, 0, 0, 0];
 const PARAMETERS: [u8; 6] = [0x83, 0x0C, 0, 0, 0x02, 0x0F];
 
 /// A working CP, its CPU in RUN, diagnostic interrupts enabled.
-fn running() -> (Cp341, Log) {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+fn running() -> (Cp341, CpLog) {
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     cp.enable_diagnostics(true);
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
@@ -139,7 +141,7 @@ fn a_line_without_modem_lines_shows_them_on() {
 
 #[test]
 fn nothing_is_told_unless_enabled_and_the_record_is_there_all_the_same() {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     cp.step(Instant::START, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
     assert_eq!(interrupts(&log), Vec::<&String>::new());
@@ -185,12 +187,12 @@ fn a_break_lasts_until_characters_come_again() {
 /// [S4 "Diagnostics via Display Elements (LEDs)"]
 #[test]
 fn sf_is_lit_until_initialised_with_new_and_with_wrong_parameters() {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     let due = cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     assert_eq!((log.leds.error, due), (true, Some(Instant::from_millis(20))), "switched on; V24_STAT is due");
     cp.step(Instant::from_secs(10), CpInput::Tick, &mut log);
     assert!(log.leds.error, "for as long as there are no parameters");
-    let lit_for = |cp: &mut Cp341, log: &mut Log, from: Instant, baud| {
+    let lit_for = |cp: &mut Cp341, log: &mut CpLog, from: Instant, baud| {
         cp.step(from, CpInput::Keys(Ok(&parameters(baud))), log);
         let lit = log.leds.error;
         cp.step(from + 500 * MS - Span::from_nanos(1), CpInput::Tick, log);
@@ -256,10 +258,10 @@ fn txd_and_rxd_are_lit_while_characters_go() {
     // A NAK at the start.
     cp.step(Instant::from_secs(1), CpInput::Line(LineInput::TxDone), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive), (false, false));
-    log.tx.clear();
+    log.wire.tx.clear();
     // STX of the partner: the CP answers DLE.
     cp.step(Instant::from_secs(1), CpInput::Line(LineInput::Rx(&[0x02])), &mut log);
-    assert_eq!((log.leds.transmit, log.leds.receive, &log.tx[..]), (true, true, &[0x10][..]));
+    assert_eq!((log.leds.transmit, log.leds.receive, &log.wire.tx[..]), (true, true, &[0x10][..]));
     cp.step(Instant::START + SECOND + MS, CpInput::Line(LineInput::TxDone), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive), (false, true));
     cp.step(Instant::START + SECOND + 50 * MS, CpInput::Tick, &mut log);
@@ -268,22 +270,22 @@ fn txd_and_rxd_are_lit_while_characters_go() {
 
 #[test]
 fn outputs_are_off_at_power_on_and_the_programs_afterwards() {
-    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let (mut cp, mut log) = (Cp341::new(), CpLog::default());
     cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
-    assert_eq!((log.rts, log.dtr, log.inputs[0]), (Some(false), Some(false), 0));
+    assert_eq!((log.wire.rts, log.wire.dtr, log.inputs.len()), (Some(false), Some(false), 0));
     let mut outputs = [0; 16];
     outputs[0] = 0x85;
     let due = cp.step(Instant::from_millis(1), CpInput::Outputs(&outputs), &mut log);
-    assert_eq!((log.rts, log.dtr), (Some(true), Some(true)));
+    assert_eq!((log.wire.rts, log.wire.dtr), (Some(true), Some(true)));
     let lines = ModemLines { cts: true, dsr: true, ri: true, cd: true };
     cp.step(Instant::from_millis(2), CpInput::Line(LineInput::Modem(lines)), &mut log);
-    assert_eq!(log.inputs[0], 0, "the image is refreshed every 20 ms");
+    assert!(log.inputs.is_empty(), "the image is refreshed every 20 ms");
     assert!(due.is_some_and(|due| due <= Instant::from_millis(20)));
     cp.step(Instant::from_millis(20), CpInput::Tick, &mut log);
     assert_eq!(log.inputs[0], 0b11_1111);
     outputs[0] = 0x80;
     cp.step(Instant::from_millis(21), CpInput::Outputs(&outputs), &mut log);
-    assert_eq!((log.rts, log.dtr), (Some(false), Some(false)));
+    assert_eq!((log.wire.rts, log.wire.dtr), (Some(false), Some(false)));
     cp.step(Instant::from_millis(40), CpInput::Tick, &mut log);
     assert_eq!(log.inputs[0], 0b11_1010);
 }
@@ -292,14 +294,14 @@ fn outputs_are_off_at_power_on_and_the_programs_afterwards() {
 fn a_job_from_before_a_stop_does_not_end_the_first_one_after_it() {
     let (mut cp, mut log) = running();
     // The blocks begin with the same numbers after each STOP: start 1, job 1.
-    let give = |cp: &mut Cp341, log: &mut Log, at: Span, data: u8| {
+    let give = |cp: &mut Cp341, log: &mut CpLog, at: Span, data: u8| {
         let mut block: ChannelBlock = [0; 64];
         (block[0], block[3]) = (1, 1);
         cp.step(Instant::START + at, CpInput::Channel(Channel::Send, &block), log);
         (block[0], block[5], block[8], block[9], block[11], block[32]) = (4, 1, b'S', b'X', 1, data);
         cp.step(Instant::START + at, CpInput::Channel(Channel::Send, &block), log);
     };
-    let hears = |cp: &mut Cp341, log: &mut Log, at: Span, byte: u8| {
+    let hears = |cp: &mut Cp341, log: &mut CpLog, at: Span, byte: u8| {
         cp.step(Instant::START + at, CpInput::Line(LineInput::TxDone), log);
         cp.step(Instant::START + at, CpInput::Line(LineInput::Rx(&[byte])), log);
     };
@@ -311,12 +313,12 @@ fn a_job_from_before_a_stop_does_not_end_the_first_one_after_it() {
     cp.step(Instant::START + SECOND + 2 * MS, CpInput::CpuRun(false), &mut log);
     cp.step(Instant::START + SECOND + 3 * MS, CpInput::CpuRun(true), &mut log);
     give(&mut cp, &mut log, SECOND + 4 * MS, 0xBB);
-    log.tx.clear();
+    log.wire.tx.clear();
     hears(&mut cp, &mut log, SECOND + 10 * MS, DLE);
     assert_eq!(log.events.iter().filter(|event| *event == "Sent").count(), 1, "{:?}", log.events);
-    assert_eq!(log.channels[0], RUNNING, "the partner does not have the second job");
-    assert_eq!(log.tx, [0x02], "now it is its turn");
+    assert_eq!(log.channel_block(Channel::Send)[0], RUNNING, "the partner does not have the second job");
+    assert_eq!(log.wire.tx, [0x02], "now it is its turn");
     hears(&mut cp, &mut log, SECOND + 11 * MS, DLE);
     hears(&mut cp, &mut log, SECOND + 20 * MS, DLE);
-    assert_eq!(log.channels[0], DONE);
+    assert_eq!(log.channel_block(Channel::Send)[0], DONE);
 }

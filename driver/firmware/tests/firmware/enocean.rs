@@ -27,7 +27,7 @@ fn switch(repeater: u8) -> Telegram {
 
 /// The module answers the CP's question.
 fn tell(bench: &mut Bench, base: u32) {
-    assert_eq!(std::mem::take(&mut bench.log.tx), frame(Telegram::Command(Command::RdIdBase)));
+    assert_eq!(std::mem::take(&mut bench.log.wire.tx), frame(Telegram::Command(Command::RdIdBase)));
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&frame(Telegram::Message(Message::InfIdBase(base)))));
     assert_eq!(bench.rx(), 0, "it goes to the CP, not to the program");
@@ -46,14 +46,14 @@ fn the_send_example_of_the_manual() {
     // "To acknowledge the telegram the CP writes 11 back", "0", "0".
     // [S1 "Beispiel Daten senden ohne Hantierungsbaustein"]
     bench.hand_over(&FC_101);
-    assert_eq!(bench.log.tx, [0xA5, 0x5A, 0x6B, 5, 2, 0, 0, 0, 0xFF, 0x80, 0, 0xE7, 6, 0xDE]);
+    assert_eq!(bench.log.wire.tx, [0xA5, 0x5A, 0x6B, 5, 2, 0, 0, 0, 0xFF, 0x80, 0, 0xE7, 6, 0xDE]);
     assert_eq!(bench.tx_echo(), 0, "in the send buffer: done");
     assert!(bench.log.leds.transmit);
     bench.line(LineInput::TxDone);
     assert!(!bench.log.leds.transmit);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.hand_over(&[0xAA]);
-    assert_eq!(bench.log.tx, [0xAA], "WAKE");
+    assert_eq!(bench.log.wire.tx, [0xAA], "WAKE");
     assert_eq!(bench.count(CpCounter::Sent), 2);
 }
 
@@ -75,16 +75,16 @@ fn a_new_id_base_counts_after_a_reset() {
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&frame(Telegram::Message(Message::Ok))));
     assert_eq!(bench.fetch(), Telegram::Message(Message::Ok).emit());
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.hand_over(&FC_101);
-    assert_eq!(bench.log.tx[8..12], [0xFF, 0x80, 0, 0xE7], "the old one");
+    assert_eq!(bench.log.wire.tx[8..12], [0xFF, 0x80, 0, 0xE7], "the old one");
     bench.line(LineInput::TxDone);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.step(CpInput::Parameters(&PARAMETERS));
     bench.synchronise();
     tell(&mut bench, 0xFFAB_CDFF);
     bench.hand_over(&FC_101);
-    assert_eq!(bench.log.tx[8..12], [0xFF, 0xAB, 0xCD, 0xE7], "the new one");
+    assert_eq!(bench.log.wire.tx[8..12], [0xFF, 0xAB, 0xCD, 0xE7], "the new one");
 }
 
 /// "... which may handle up to 150 telegrams"; "at full buffer new telegrams are ignored"; ER shows this, and nothing
@@ -129,7 +129,7 @@ fn the_send_buffer_takes_2048_bytes() {
     for _ in 0..147 {
         bench.line(LineInput::TxDone);
     }
-    let sent: Vec<u8> = bench.log.tx.chunks(14).map(|frame| frame[4]).collect();
+    let sent: Vec<u8> = bench.log.wire.tx.chunks(14).map(|frame| frame[4]).collect();
     assert_eq!(sent, (0..148).collect::<Vec<u8>>());
 }
 

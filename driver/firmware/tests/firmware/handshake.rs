@@ -16,10 +16,10 @@ fn the_manuals_example_send() {
     bench.put_tx(30, &telegram[..12]);
     bench.put_tx(18, &telegram[12..24]);
     bench.put_tx(6, &telegram[24..]);
-    assert!(bench.log.tx.is_empty(), "nothing leaves before the telegram is complete");
+    assert!(bench.log.wire.tx.is_empty(), "nothing leaves before the telegram is complete");
     assert_eq!(bench.log.shown, [(0, 30), (0, 18), (0, 6)]);
     bench.put_tx(0, &[]);
-    assert_eq!(bench.log.tx, telegram);
+    assert_eq!(bench.log.wire.tx, telegram);
     assert!(bench.log.leds.transmit);
     bench.pass(1_000 * MS);
     assert_eq!(bench.tx_echo(), 6, "until the last bit is out");
@@ -55,7 +55,7 @@ fn both_directions_at_once() {
     bench.pass(40 * MS);
     bench.hand_over(b"out");
     assert_eq!(bench.fetch(), b"in");
-    assert_eq!(bench.log.tx, b"out");
+    assert_eq!(bench.log.wire.tx, b"out");
     bench.line(LineInput::TxDone);
     assert_eq!((bench.rx(), bench.tx_echo()), (0, 0));
 }
@@ -70,7 +70,7 @@ fn a_first_count_is_left_waiting_while_the_cp_transmits() {
     bench.line(LineInput::TxDone);
     assert_eq!(bench.log.shown, [(0, 0), (0, 4)], "the end is shown first, then the count that waited");
     bench.put_tx(0, &[]);
-    assert_eq!(bench.log.tx, b"onenext");
+    assert_eq!(bench.log.wire.tx, b"onenext");
 }
 
 #[test]
@@ -86,9 +86,9 @@ fn a_cpu_in_stop_leaves_no_half_telegram() {
         assert_eq!(bench.tx_echo(), 0);
         bench.put_tx(0, &[]);
         bench.pass(1_000 * MS);
-        assert!(bench.log.tx.is_empty());
+        assert!(bench.log.wire.tx.is_empty());
         bench.hand_over(b"x");
-        assert_eq!(bench.log.tx, b"x");
+        assert_eq!(bench.log.wire.tx, b"x");
     }
 }
 
@@ -101,7 +101,7 @@ fn too_long_is_17h() {
     assert_eq!(bench.tx_echo(), 0);
     bench.put_tx(0, &[]);
     bench.hand_over(&text(1024));
-    assert_eq!(bench.log.tx, text(1024));
+    assert_eq!(bench.log.wire.tx, text(1024));
 }
 
 #[test]
@@ -113,13 +113,13 @@ fn a_partner_that_does_not_answer_is_07h() {
         bench.line(LineInput::TxDone);
         bench.pass(500 * MS);
     }
-    assert_eq!(bench.log.tx, [2, 2, 2, 2, 2, 2, 0x15]);
+    assert_eq!(bench.log.wire.tx, [2, 2, 2, 2, 2, 2, 0x15]);
     assert_eq!(bench.tx_echo(), 0x2007);
     assert_eq!((bench.count(CpCounter::SendErrors), bench.count(CpCounter::Sent)), (1, 0));
     bench.put_tx(0x2000, &[]);
     bench.put_tx(0, &[]);
     bench.hand_over(b"again");
-    assert_eq!(bench.log.tx.last(), Some(&2));
+    assert_eq!(bench.log.wire.tx.last(), Some(&2));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn nothing_is_done_on_a_line_that_is_gone() {
     bench.put_tx(0, &[]);
     bench.hand_over(b"two");
     assert_eq!(bench.tx_echo(), 0x200C);
-    assert_eq!(bench.log.tx, b"one");
+    assert_eq!(bench.log.wire.tx, b"one");
     bench.put_tx(0x2000, &[]);
     bench.put_tx(0, &[]);
     assert!(bench.log.leds.error);
@@ -179,15 +179,15 @@ fn a_3964r_partner_is_refused_while_the_buffer_is_full() {
     bench.line(LineInput::Rx(&[0x02]));
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&block));
-    assert_eq!(bench.log.tx, [0x10, 0x10], "connected and acknowledged");
+    assert_eq!(bench.log.wire.tx, [0x10, 0x10], "connected and acknowledged");
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0x02]));
-    assert_eq!(bench.log.tx, [0x10, 0x10, 0x15], "the next one meets a full buffer: NAK");
+    assert_eq!(bench.log.wire.tx, [0x10, 0x10, 0x15], "the next one meets a full buffer: NAK");
     assert_eq!(bench.count(CpCounter::Rejected), 1);
     assert_eq!(bench.fetch(), [0x55; 1024]);
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0x02]));
-    assert_eq!(bench.log.tx, [0x10, 0x10, 0x15, 0x10]);
+    assert_eq!(bench.log.wire.tx, [0x10, 0x10, 0x15, 0x10]);
 }
 
 /// A partner that repeats at once into a full buffer: each attempt gets its NAK, is counted, and lights ER. When there
@@ -204,13 +204,13 @@ fn repetitions_at_once_into_a_full_buffer_are_counted() {
     for attempt in 1..=6 {
         bench.line(LineInput::Rx(&[0x02]));
         bench.line(LineInput::TxDone);
-        assert_eq!(bench.log.tx.last(), Some(&0x15), "attempt {attempt}");
+        assert_eq!(bench.log.wire.tx.last(), Some(&0x15), "attempt {attempt}");
         assert_eq!(bench.count(CpCounter::Rejected), attempt);
     }
     assert!(bench.log.leds.error, "overflow");
     assert_eq!(bench.fetch(), [0x55; 1024]);
     bench.line(LineInput::Rx(&[0x02]));
-    assert_eq!(bench.log.tx.last(), Some(&0x10));
+    assert_eq!(bench.log.wire.tx.last(), Some(&0x10));
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn a_qvz_of_0_is_two_characters() {
     bench.line(LineInput::TxDone);
     // 10 bits at 9600: the partner's DLE takes 1.042 ms.
     bench.pass(2 * MS);
-    assert_eq!(bench.log.tx, [0x02]);
+    assert_eq!(bench.log.wire.tx, [0x02]);
     bench.line(LineInput::Rx(&[0x10]));
-    assert_eq!(bench.log.tx, [0x02, b'a', 0x10, 0x03, b'a' ^ 0x13], "it was heard in time");
+    assert_eq!(bench.log.wire.tx, [0x02, b'a', 0x10, 0x03, b'a' ^ 0x13], "it was heard in time");
 }

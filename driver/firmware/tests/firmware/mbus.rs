@@ -21,7 +21,7 @@ fn the_example_of_the_manual() {
     let mut bench = Bench::working(&PARAMETERS);
     assert_eq!(bench.log.settings.last().map(ToString::to_string).as_deref(), Some("2400 8E1"));
     bench.hand_over(&[0xBB, 0x7B, 0xFE]);
-    assert_eq!(bench.log.tx, [0x10, 0x7B, 0xFE, 0x79, 0x16]);
+    assert_eq!(bench.log.wire.tx, [0x10, 0x7B, 0xFE, 0x79, 0x16]);
     assert!(bench.log.leds.transmit && bench.log.leds.power && !bench.log.leds.error);
     bench.pass(23 * MS);
     bench.line(LineInput::TxDone);
@@ -77,7 +77,7 @@ fn no_answer_and_short_circuit() {
         bench.line(LineInput::TxDone);
         bench.pass(90 * MS);
     }
-    assert_eq!((bench.tx_echo(), bench.log.tx.len()), (0, 15));
+    assert_eq!((bench.tx_echo(), bench.log.wire.tx.len()), (0, 15));
     assert_eq!(bench.fetch(), [1]);
     assert!(!bench.log.leds.error, "a meter that is silent is no error of the line");
     bench.hand_over(&[0xBD, 0x5B, 2]);
@@ -105,7 +105,7 @@ fn what_is_no_frame_ends_with_its_code() {
     for (telegram, echo) in [(vec![0xBB], 0x200C), (vec![0xBB, 0x10], 0x200C), (vec![0xBB; 257], 0x2017)] {
         let mut bench = Bench::working(&PARAMETERS);
         bench.hand_over(&telegram);
-        assert_eq!((bench.tx_echo(), bench.log.tx.len(), bench.rx()), (echo, 0, 0));
+        assert_eq!((bench.tx_echo(), bench.log.wire.tx.len(), bench.rx()), (echo, 0, 0));
     }
 }
 
@@ -146,13 +146,13 @@ fn the_receive_buffer_has_2048_bytes() {
         bench.line(LineInput::Rx(&answer(&[n; 252])));
     }
     assert_eq!((bench.cp.received_waiting(), bench.count(CpCounter::Rejected)), (8, 0));
-    let sent = bench.log.tx.len();
+    let sent = bench.log.wire.tx.len();
     bench.hand_over(&[0xBD, 0x40, 2]);
     bench.pass(1000 * MS);
-    assert_eq!((bench.log.tx.len(), bench.tx_echo()), (sent, 3), "it waits");
+    assert_eq!((bench.log.wire.tx.len(), bench.tx_echo()), (sent, 3), "it waits");
     assert_eq!(bench.fetch()[4..], [0; 252]);
     bench.pass(20 * MS);
-    assert_eq!(bench.log.tx.len(), sent + 5);
+    assert_eq!(bench.log.wire.tx.len(), sent + 5);
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0xE5]));
     for n in 1..8 {

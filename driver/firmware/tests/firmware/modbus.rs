@@ -24,10 +24,10 @@ fn frame(telegram: &[u8]) -> Vec<u8> {
 
 /// A telegram comes in; returns the CP's answer within 10 ms.
 fn ask(bench: &mut Bench, telegram: &[u8]) -> Vec<u8> {
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.line(LineInput::Rx(&frame(telegram)));
     bench.pass(10 * MS);
-    let answer = bench.log.tx.clone();
+    let answer = bench.log.wire.tx.clone();
     if !answer.is_empty() {
         bench.line(LineInput::TxDone);
     }
@@ -101,7 +101,7 @@ fn a_master_sends_and_receives() {
     let telegram: Vec<u8> = [5, 0x10, 0, 0, 0, 8, 0x10].into_iter().chain(0xA0..=0xAF).collect();
     send(&mut bench, &telegram, 0);
     bench.pass(5 * MS);
-    assert_eq!(bench.log.tx, frame(&telegram));
+    assert_eq!(bench.log.wire.tx, frame(&telegram));
     assert_eq!(bench.tx_echo(), 11, "FRG stays until the answer is there");
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&frame(&[5, 0x10, 0, 0, 0, 8])));
@@ -186,7 +186,7 @@ fn a_count_of_an_earlier_life_is_no_telegram() {
     assert_eq!(bench.tx_echo(), 0);
     send(&mut bench, &[5, 3, 0, 0, 0, 1], 0);
     bench.pass(5 * MS);
-    assert_eq!(bench.log.tx, frame(&[5, 3, 0, 0, 0, 1]));
+    assert_eq!(bench.log.wire.tx, frame(&[5, 3, 0, 0, 0, 1]));
 }
 
 /// FC 9 is not for the Modbus modes: its words change nothing.
@@ -221,7 +221,7 @@ fn a_master_has_no_address() {
         let mut bench = Bench::starting(&parameters);
         send(&mut bench, &[5, 3, 0, 0, 0, 1], 0);
         bench.pass(5 * MS);
-        assert_eq!(bench.log.tx, frame(&[5, 3, 0, 0, 0, 1]), "address {address}");
+        assert_eq!(bench.log.wire.tx, frame(&[5, 3, 0, 0, 0, 1]), "address {address}");
         bench.line(LineInput::TxDone);
         bench.line(LineInput::Rx(&frame(&[5, 3, 2, 0x12, 0x34])));
         bench.pass(5 * MS);
@@ -275,23 +275,23 @@ fn slave_long_hands_out_what_has_changed() {
     let write: Vec<u8> = [5, 0x10, 0, 3, 0, 2, 4].into_iter().chain([1, 2, 3, 4]).collect();
     assert_eq!(ask(&mut bench, &write), []);
     assert_eq!(bench.rx(), 0x4000 + 2 + 16);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     let blocks = vec![0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 0, 0, 0, 0, 0, 0];
     assert_eq!(receive(&mut bench), Some((0x4000, blocks)));
-    assert_eq!(bench.log.tx, frame(&[5, 0x10, 0, 3, 0, 2]));
+    assert_eq!(bench.log.wire.tx, frame(&[5, 0x10, 0, 3, 0, 2]));
     bench.line(LineInput::TxDone);
 
     // 250 bytes from byte 0 on: block 0 as far as it differs, up to block 31, in two telegrams.
     let write: Vec<u8> = [5, 0x10, 0, 0, 0, 125, 250].into_iter().chain(0..250).collect();
     assert_eq!(ask(&mut bench, &write), []);
     for (offset, bytes) in [(0, 128), (128, 128)] {
-        assert_eq!(bench.log.tx, [], "not before all is fetched");
+        assert_eq!(bench.log.wire.tx, [], "not before all is fetched");
         let (bits, telegram) = receive(&mut bench).expect("a changed area");
         assert_eq!((bits, telegram.len()), (0x4000, 2 + bytes));
         assert_eq!(telegram[..2], u16::to_be_bytes(offset));
         assert_eq!(telegram[2..8], write[7 + usize::from(offset)..][..6]);
     }
-    assert_eq!(bench.log.tx, frame(&[5, 0x10, 0, 0, 0, 125]));
+    assert_eq!(bench.log.wire.tx, frame(&[5, 0x10, 0, 0, 0, 125]));
     bench.line(LineInput::TxDone);
     assert_eq!(ask(&mut bench, &write), frame(&[5, 0x10, 0, 0, 0, 125]), "nothing has changed");
     assert_eq!(receive(&mut bench), None);
@@ -306,10 +306,10 @@ fn slave_long_outside_of_the_cpus_area() {
     assert_eq!(bench.rx(), 0x4000 + 10);
     bench.put_rx(0x2002);
     assert_eq!(bench.rx(), 0);
-    assert_eq!(bench.log.tx, frame(&[5, 0x86, 2]));
+    assert_eq!(bench.log.wire.tx, frame(&[5, 0x86, 2]));
     bench.line(LineInput::TxDone);
     bench.put_rx(0);
     assert_eq!(ask(&mut bench, &[5, 6, 0, 0, 0xAB, 0xCD]), []);
     assert!(receive(&mut bench).is_some());
-    assert_eq!(bench.log.tx, frame(&[5, 6, 0, 0, 0xAB, 0xCD]));
+    assert_eq!(bench.log.wire.tx, frame(&[5, 6, 0, 0, 0xAB, 0xCD]));
 }

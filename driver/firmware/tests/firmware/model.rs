@@ -105,8 +105,8 @@ proptest! {
             Act::Send => cpu.send(bench),
             Act::Receive => cpu.receive(bench),
             Act::TxDone => {
-                if bench.log.tx.len() > reported {
-                    reported = bench.log.tx.len();
+                if bench.log.wire.tx.len() > reported {
+                    reported = bench.log.wire.tx.len();
                     bench.line(LineInput::TxDone);
                 }
             }
@@ -128,7 +128,7 @@ proptest! {
             bench.pass(MS);
         }
         prop_assert_eq!(&cpu.done, &orders, "all orders done, in order");
-        prop_assert_eq!(&bench.log.tx, &orders.concat(), "each exactly once on the line");
+        prop_assert_eq!(&bench.log.wire.tx, &orders.concat(), "each exactly once on the line");
         prop_assert_eq!(&cpu.fetched, &bench.log.received, "what the CP has received is what the CPU has fetched");
         prop_assert_eq!(bench.cp.received_waiting(), 0);
         prop_assert_eq!(bench.count(CpCounter::OrdersAccepted), orders.len() as u64);
@@ -154,7 +154,7 @@ proptest! {
         let mut collected: Vec<u8> = Vec::new();
         for (fill, tx, rx) in writes {
             let (before, working) = (bench.tx_echo(), bench.cp.is_working());
-            let transmitting = bench.log.tx.len();
+            let transmitting = bench.log.wire.tx.len();
             bench.put(rx, tx, &[fill; 12]);
             // The write that ends the start-up may already contain a first count.
             let before = if working { before } else { 0 };
@@ -164,7 +164,7 @@ proptest! {
                 allowed.append(&mut collected);
                 bench.line(LineInput::TxDone);
             } else {
-                prop_assert_eq!(bench.log.tx.len(), transmitting, "nothing leaves at {:04X} -> {:04X}", before, after);
+                prop_assert_eq!(bench.log.wire.tx.len(), transmitting, "nothing leaves at {:04X} -> {:04X}", before, after);
                 if bench.cp.is_working() && after != before && after == tx && (1..=1024).contains(&after) {
                     if before == 0 {
                         collected.clear();
@@ -174,7 +174,7 @@ proptest! {
                     collected.clear();
                 }
             }
-            prop_assert_eq!(&bench.log.tx, &allowed);
+            prop_assert_eq!(&bench.log.wire.tx, &allowed);
         }
     }
 

@@ -20,13 +20,13 @@ fn a_line_command_is_answered_with_status_and_delta() {
     assert_eq!(bench.tx_echo(), 0);
     bench.put_tx(0x1800 | 0b1100, &[]);
     assert_eq!(bench.tx_echo(), 0x1C00 | 0b00_1001, "RTS and DTR switched off, nothing has changed since");
-    assert_eq!((bench.log.rts, bench.log.dtr), (Some(false), Some(false)));
+    assert_eq!((bench.log.wire.rts, bench.log.wire.dtr), (Some(false), Some(false)));
     bench.hand_over(b"a telegram over the 0");
-    assert_eq!(bench.log.tx, b"a telegram over the 0");
+    assert_eq!(bench.log.wire.tx, b"a telegram over the 0");
     // A reset switches them on again.
     bench.put(0x8002, 0, &[]);
     bench.synchronise();
-    assert_eq!((bench.log.rts, bench.log.dtr), (Some(true), Some(true)));
+    assert_eq!((bench.log.wire.rts, bench.log.wire.dtr), (Some(true), Some(true)));
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn rts_is_the_protocols_with_hardware_flow_control() {
     let mut bench = Bench::working(&parameters);
     bench.put_tx(0x1800 | 0b1100, &[]);
     assert_eq!(bench.tx_echo(), 0x1C20, "DTR is off, RTS is not");
-    assert_eq!((bench.log.rts, bench.log.dtr), (Some(true), Some(false)));
+    assert_eq!((bench.log.wire.rts, bench.log.wire.dtr), (Some(true), Some(false)));
     bench.put_tx(0, &[]);
     // One receive buffer: while it is occupied RTS is OFF. [S0 "Flow control"]
     bench.line(LineInput::Rx(b"full"));
@@ -44,7 +44,7 @@ fn rts_is_the_protocols_with_hardware_flow_control() {
     bench.put_tx(0x1800, &[]);
     assert_eq!(bench.tx_echo(), 0x1C00);
     assert_eq!(bench.fetch(), b"full");
-    assert_eq!(bench.log.rts, Some(true));
+    assert_eq!(bench.log.wire.rts, Some(true));
 }
 
 #[test]

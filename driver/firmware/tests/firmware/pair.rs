@@ -3,22 +3,20 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use ob1_firmware::{
-    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Registers, Wire,
-};
+use ob1_fakes::cp_port::{CpLog, Plug};
+use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, Instant, LineInput, Registers, Wire};
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
 
-use crate::common::{Log, MS, s3964r, word};
+use crate::common::{MS, s3964r, word};
 
-/// A CP's port with one end of the simulated line.
-struct Port {
-    log: Log,
+/// One end of the simulated line.
+struct Plugged {
     line: Rc<RefCell<SimLine>>,
     end: End,
     now: Instant,
 }
 
-impl Wire for Port {
+impl Wire for Plugged {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.borrow_mut().write(self.end, self.now, bytes);
     }
@@ -28,32 +26,12 @@ impl Wire for Port {
     }
 }
 
-impl CpPort for Port {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.log.inputs(registers);
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
-        self.log.line_settings(settings);
-    }
-
-    fn leds(&mut self, leds: Leds) {
-        self.log.leds(leds);
-    }
-
-    fn count(&mut self, counter: CpCounter, n: u64) {
-        self.log.count(counter, n);
-    }
-
-    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
-        self.log.event(now, event);
-    }
-}
+impl Plug for Plugged {}
 
 /// A CP with a CPU that sends a list of telegrams and fetches received ones, with a register write every millisecond.
 struct Station {
     cp: Cp240,
-    port: Port,
+    port: CpLog<Plugged>,
     due: Option<Instant>,
     outputs: Registers,
     orders: std::vec::IntoIter<Vec<u8>>,
@@ -66,7 +44,8 @@ struct Station {
 
 impl Station {
     fn new(end: End, line: &Rc<RefCell<SimLine>>, orders: Vec<Vec<u8>>) -> Self {
-        let port = Port { log: Log::default(), line: Rc::clone(line), end, now: Instant::START };
+        let mut port = CpLog::at(Plugged { line: Rc::clone(line), end, now: Instant::START });
+        port.inputs = vec![0; 16];
         Self {
             cp: Cp240::new(1),
             port,
@@ -81,7 +60,7 @@ impl Station {
     }
 
     fn step(&mut self, now: Instant, input: CpInput<'_>) {
-        self.port.now = now;
+        self.port.wire.now = now;
         self.due = self.cp.step(now, input, &mut self.port);
     }
 
@@ -94,7 +73,7 @@ impl Station {
 
     /// One scan.
     fn scan(&mut self, now: Instant) {
-        let (rx, echo) = (word(&self.port.log.inputs, 0), word(&self.port.log.inputs, 2));
+        let (rx, echo) = (word(&self.port.inputs, 0), word(&self.port.inputs, 2));
         if rx == 0x8001 {
             self.put(0, 0x8001, &[]);
             self.put(2, echo, &[]);
@@ -149,7 +128,7 @@ impl Station {
                 self.fetched.push(std::mem::take(&mut self.fetching));
             }
         } else if rx != word(&self.outputs, 0) {
-            self.fetching.extend_from_slice(&self.port.log.inputs[4..4 + usize::from(rx).min(12)]);
+            self.fetching.extend_from_slice(&self.port.inputs[4..4 + usize::from(rx).min(12)]);
         }
         self.put(0, rx, &[]);
     }
@@ -159,7 +138,7 @@ impl Station {
     }
 
     fn count(&self, counter: CpCounter) -> u64 {
-        self.port.log.counters.get(&counter).copied().unwrap_or(0)
+        self.port.counter(counter)
     }
 }
 
@@ -179,7 +158,7 @@ fn run(faults: FaultRates, seed: u64, a: Vec<Vec<u8>>, b: Vec<Vec<u8>>) -> (Stat
     while quiet < 1_000 {
         let next = line.borrow().next_event();
         let due = stations.iter().filter_map(|s| s.due);
-        let now = due.chain(next).chain([scan_at]).min().unwrap_or(scan_at).max(stations[0].port.now);
+        let now = due.chain(next).chain([scan_at]).min().unwrap_or(scan_at).max(stations[0].port.wire.now);
         assert!(now < Instant::from_millis(3_600_000), "an hour of simulated time is enough");
         let mut buffer = [0; 64];
         loop {
@@ -221,7 +200,7 @@ fn both_ways_at_once_on_a_good_line() {
     assert_eq!(b.ended, vec![None; 20]);
     assert_eq!(b.fetched, from_a);
     assert_eq!(a.fetched, from_b);
-    let conflicts = |s: &Station| s.port.log.events.iter().filter(|e| e.contains("Conflict")).count();
+    let conflicts = |s: &Station| s.port.events.iter().filter(|e| e.contains("Conflict")).count();
     assert!(conflicts(&a) + conflicts(&b) > 0, "they did get in each other's way");
 }
 
@@ -264,7 +243,7 @@ fn every_order_ends_on_a_line_that_does_everything() {
 
 fn assert_books_balance(sender: &Station, receiver: &Station, orders: &[Vec<u8>], seed: u64) {
     assert_eq!(sender.ended.len(), orders.len(), "seed {seed}: every order ends");
-    assert_eq!(receiver.fetched, receiver.port.log.received, "seed {seed}: the CPU has all that the CP had");
+    assert_eq!(receiver.fetched, receiver.port.received, "seed {seed}: the CPU has all that the CP had");
     let done = sender.ended.iter().filter(|e| e.is_none()).count() as u64;
     assert_eq!(sender.count(CpCounter::Sent), done, "seed {seed}");
     assert_eq!(sender.count(CpCounter::SendErrors), orders.len() as u64 - done, "seed {seed}");
@@ -275,7 +254,7 @@ fn assert_books_balance(sender: &Station, receiver: &Station, orders: &[Vec<u8>]
 fn the_same_seed_gives_the_same_run() {
     let log = |seed| {
         let (a, b) = run(FaultRates::all(500), seed, telegrams(b'a', 6), telegrams(b'b', 6));
-        (a.port.log.events, b.port.log.events)
+        (a.port.events, b.port.events)
     };
     assert_eq!(log(5), log(5));
     assert_ne!(log(5), log(6));

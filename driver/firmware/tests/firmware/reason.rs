@@ -55,7 +55,7 @@ fn orders_that_end_alike_are_counted_until_one_succeeds() {
     bench.put_tx(0, &[]);
     fail(&mut bench);
     assert_eq!(bench.reason(), why(Why::OrderFailed, 0x07, 1));
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.hand_over(b"b");
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0x10]));

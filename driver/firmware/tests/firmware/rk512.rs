@@ -35,20 +35,20 @@ impl Partner for Bench {
     fn partner_sends(&mut self, telegram: &[u8]) {
         self.line(LineInput::Rx(&[0x02]));
         self.line(LineInput::TxDone);
-        self.log.tx.clear();
+        self.log.wire.tx.clear();
         self.line(LineInput::Rx(&block(telegram)));
-        assert_eq!(self.log.tx.first(), Some(&0x10), "acknowledged");
-        self.log.tx.remove(0);
+        assert_eq!(self.log.wire.tx.first(), Some(&0x10), "acknowledged");
+        self.log.wire.tx.remove(0);
     }
 
     /// Our STX has been sent.
     fn partner_takes(&mut self, telegram: &[u8]) {
-        assert_eq!(self.log.tx, [0x02]);
+        assert_eq!(self.log.wire.tx, [0x02]);
         self.line(LineInput::TxDone);
-        self.log.tx.clear();
+        self.log.wire.tx.clear();
         self.line(LineInput::Rx(&[0x10]));
-        assert_eq!(self.log.tx, block(telegram));
-        self.log.tx.clear();
+        assert_eq!(self.log.wire.tx, block(telegram));
+        self.log.wire.tx.clear();
         self.line(LineInput::TxDone);
         self.line(LineInput::Rx(&[0x10]));
     }
@@ -135,7 +135,7 @@ fn an_order_of_the_partner_and_the_answer() {
     let order = cp.fetch_framed(PARTNER, PARTNER);
     assert_eq!(order, [0, 1, b'A', b'D', 5, 1, 0, 1, 6, 4, 0x61, 0x62]);
     cp.line(LineInput::TxDone);
-    assert!(cp.log.tx.is_empty(), "no reaction before the CPU has answered");
+    assert!(cp.log.wire.tx.is_empty(), "no reaction before the CPU has answered");
     cp.hand_over_framed(PARTNER, &[0, 1, 0, 0]);
     cp.partner_takes(&[0, 0, 0, 0]);
     // FETCH: data with the answer, number 2.
@@ -144,7 +144,7 @@ fn an_order_of_the_partner_and_the_answer() {
     cp.line(LineInput::TxDone);
     cp.put_tx(PARTNER | 7, &[0, 1, 0, 0, 9, 9, 9]);
     cp.put_tx(0, &[]);
-    assert!(cp.log.tx.is_empty(), "the answer to an order that is over goes nowhere");
+    assert!(cp.log.wire.tx.is_empty(), "the answer to an order that is over goes nowhere");
     assert_eq!(cp.tx_echo(), 0x200C, "and the CPU is not told that it was taken");
     cp.put_tx(0x2000, &[]);
     cp.put_tx(0, &[]);
@@ -211,7 +211,7 @@ fn an_order_nobody_serves_is_refused_with_2a() {
     cp.partner_takes(&[0, 0, 0, 0x2A]);
     cp.partner_sends(&[0, 0, b'E', b'M', 0, 16, 0, 1, 0xFF, 0xFF]);
     cp.line(LineInput::TxDone);
-    cp.log.tx = vec![0x02];
+    cp.log.wire.tx = vec![0x02];
     cp.partner_takes(&[0, 0, 0, 0x2A]);
     cp.step(CpInput::CpuRun(true));
     cp.partner_sends(&[0, 0, b'E', b'M', 0, 16, 0, 1, 0xFF, 0xFF]);
@@ -233,7 +233,7 @@ fn an_order_the_program_has_given_up_is_waited_for() {
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!((cp.tx_echo(), cp.rx()), (0, 0), "the result of the first is nobody's");
     cp.line(LineInput::TxDone);
-    cp.log.tx = vec![0x02];
+    cp.log.wire.tx = vec![0x02];
     cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 8, 0, 0]);
@@ -252,9 +252,9 @@ fn a_reset_drops_both_roles() {
     assert_eq!((cp.rx(), cp.tx_echo()), (0, 0));
     let counts = [CpCounter::OrdersAborted, CpCounter::ReceiveAborted].map(|c| cp.count(c));
     assert_eq!(counts, [1, 1]);
-    cp.log.tx.clear();
+    cp.log.wire.tx.clear();
     cp.pass(10_000 * MS);
-    assert!(cp.log.tx.is_empty() && cp.rx() == 0, "nothing of before comes back");
+    assert!(cp.log.wire.tx.is_empty() && cp.rx() == 0, "nothing of before comes back");
 }
 
 #[test]
@@ -276,14 +276,14 @@ fn the_reaction_to_an_order_from_before_ends_no_order() {
     for (before, what) in [(reset(), "a RESET"), (successor(), "another process")] {
         let mut cp = before;
         cp.synchronise();
-        cp.log.tx.clear();
+        cp.log.wire.tx.clear();
         cp.hand_over_framed(OWN, &SEND);
         cp.pass(100 * MS);
-        assert!(cp.log.tx.is_empty(), "after {what} it waits for that reaction");
+        assert!(cp.log.wire.tx.is_empty(), "after {what} it waits for that reaction");
         cp.partner_sends(&[0, 0, 0, 0]);
         assert_eq!(cp.rx(), 0, "which ends nothing");
         cp.line(LineInput::TxDone);
-        cp.log.tx = vec![0x02];
+        cp.log.wire.tx = vec![0x02];
         cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
         cp.partner_sends(&[0, 0, 0, 0]);
         assert_eq!(cp.fetch_framed(OWN, 0), [0, 7, 0, 0]);
@@ -339,9 +339,9 @@ fn noise() {
     let books = [CpCounter::Delivered, CpCounter::ReceiveAborted].map(|c| cp.count(c));
     assert_eq!(cp.count(CpCounter::Received), books.iter().sum::<u64>(), "{books:?}");
     assert!(cp.count(CpCounter::OrdersAccepted) > 50 && books[0] > 5 && cp.count(CpCounter::Sent) > 0);
-    cp.log.tx.clear();
+    cp.log.wire.tx.clear();
     cp.hand_over_framed(OWN, &SEND);
-    cp.log.tx = vec![0x02];
+    cp.log.wire.tx = vec![0x02];
     cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 7, 0, 0]);

@@ -10,7 +10,7 @@ fn without_parameters_the_registers_read_0() {
     bench.put(0x8002, 0x8001, &[1; 12]);
     bench.line(LineInput::Rx(b"abc"));
     bench.pass(1_000 * MS);
-    assert!(bench.log.shown.is_empty() && bench.log.tx.is_empty());
+    assert!(bench.log.shown.is_empty() && bench.log.wire.tx.is_empty());
     // "After switching on the voltage supply the LEDs ER, TxD and RxD are flashing." [S0 L2086]
     let mut flashes = Vec::new();
     for _ in 0..4 {
@@ -52,7 +52,7 @@ fn zeros_that_were_overwritten_are_not_waited_for() {
     assert!(bench.cp.is_working());
     assert_eq!((bench.rx(), bench.tx_echo()), (0, 4));
     bench.put(0, 0, &[]);
-    assert_eq!(bench.log.tx, b"ping");
+    assert_eq!(bench.log.wire.tx, b"ping");
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn until_then_it_sends_nothing_keeps_nothing_and_takes_no_order() {
     bench.synchronise();
     bench.pass(1_000 * MS);
     assert_eq!(bench.rx(), 0, "what came before is not kept");
-    assert!(bench.log.tx.is_empty());
+    assert!(bench.log.wire.tx.is_empty());
     assert_eq!(bench.count(CpCounter::OrdersAccepted), 0);
 }
 
@@ -118,7 +118,7 @@ fn a_reset_request_is_answered_in_every_state_and_once() {
     assert_eq!((bench.rx(), bench.tx_echo()), (0x8001, 0x8002));
     assert_eq!(bench.count(CpCounter::OrdersAborted), 1);
     bench.pass(5_000 * MS);
-    assert_eq!(bench.log.tx, [0x02], "the STX that was out; nothing after the reset");
+    assert_eq!(bench.log.wire.tx, [0x02], "the STX that was out; nothing after the reset");
     // The request is still in the registers, but it has been answered.
     bench.put(0x8002, 0, &[1]);
     assert_eq!(bench.tx_echo(), 0x8002);
@@ -151,7 +151,7 @@ fn parameters_start_it_anew() {
     assert_eq!(bench.log.settings.len(), 2);
     bench.synchronise();
     bench.hand_over(b"x");
-    assert_eq!(bench.log.tx, [0x02], "it speaks 3964R now");
+    assert_eq!(bench.log.wire.tx, [0x02], "it speaks 3964R now");
 }
 
 #[test]

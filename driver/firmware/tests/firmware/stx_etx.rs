@@ -11,7 +11,7 @@ const PARAMETERS: [u8; 16] = [0, 0x02, 0x13, 0, 2, 10, 2, b'{', b'(', 1, b')', 0
 fn telegrams_are_enclosed_and_taken_out_again() {
     let mut bench = Bench::working(&PARAMETERS);
     bench.hand_over(b"a telegram of 2 blocks");
-    assert_eq!(bench.log.tx, b"{(a telegram of 2 blocks)");
+    assert_eq!(bench.log.wire.tx, b"{(a telegram of 2 blocks)");
     bench.line(LineInput::TxDone);
     assert_ne!(bench.tx_echo(), 0, "ZNA runs");
     bench.pass(40 * MS);

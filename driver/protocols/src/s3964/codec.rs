@@ -17,11 +17,6 @@ pub fn block(payload: &[u8], bcc: bool) -> impl Iterator<Item = u8> + '_ {
     data.chain([DLE, ETX]).chain(check)
 }
 
-/// Number of characters of that block.
-pub fn block_len(payload: &[u8], bcc: bool) -> usize {
-    payload.len() + payload.iter().filter(|byte| **byte == DLE).count() + 2 + usize::from(bcc)
-}
-
 /// The block check character: XOR of everything after STX, including both DLEs of a doubled one (they cancel) and the
 /// closing DLE ETX. It is never doubled itself. [S0 "Block check character (BCC-Byte)"]
 pub fn check_of(payload: &[u8]) -> u8 {

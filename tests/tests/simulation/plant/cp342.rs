@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ob1_cpu::{Cell, Command, Cpu, Module, ModuleSlot, Width};
-use ob1_dp::slave::SlaveConfig;
+use ob1_fakes::dp_slave::SlaveConfig;
 use ob1_line::sim::FaultRates;
 use ob1_station::{assembly, program};
 use ob1_station_file::{self, ModuleKind, Station};

@@ -2,8 +2,7 @@
 //! each read; all have a watchdog.
 
 use ob1_coupler::{Input, LineInput, MasterInput};
-use ob1_dp::Slave;
-use ob1_dp::slave::SlaveConfig;
+use ob1_fakes::dp_slave::{Slave, SlaveConfig};
 use ob1_tests::coupler::{Coupler, crc};
 use ob1_time::{Instant, Span};
 

@@ -13,7 +13,7 @@ mod judge;
 use std::path::Path;
 
 use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot};
-use ob1_dp::slave::SlaveConfig;
+use ob1_fakes::dp_slave::SlaveConfig;
 use ob1_host::bus::Station as OnBus;
 use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_station::{assembly, program};

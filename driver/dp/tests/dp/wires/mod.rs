@@ -4,8 +4,8 @@
 
 use ob1_coupler::dp::{DpConfig, DpSlave};
 use ob1_coupler::{BusConfig, Image, Input, LineConfig, LineFault, LineInput, MasterInput, State};
-use ob1_dp::slave::SlaveConfig;
-use ob1_dp::{Master, Slave};
+use ob1_dp::Master;
+use ob1_fakes::dp_slave::{Slave, SlaveConfig};
 use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_line::{Instant, LineSettings, Parity, Span};
 

@@ -2,93 +2,18 @@
 
 #![allow(dead_code)] // each test file uses its own part of it
 
-use std::collections::BTreeMap;
-
-use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{
-    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Reason, Registers,
-    Span, Troubles, Wire,
-};
+use ob1_fakes::cp_port::CpLog;
+use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, Instant, LineInput, Reason, Registers, Span};
 
 pub(crate) const MS: Span = Span::MILLISECOND;
 
-/// Everything the CP has put out.
-#[derive(Default)]
-pub(crate) struct Log {
-    pub(crate) inputs: Registers,
-    /// Every block of input registers ever published, as (RX, TX echo).
-    pub(crate) shown: Vec<(u16, u16)>,
-    pub(crate) tx: Vec<u8>,
-    pub(crate) settings: Vec<LineSettings>,
-    pub(crate) rts: Option<bool>,
-    pub(crate) dtr: Option<bool>,
-    pub(crate) leds: Leds,
-    pub(crate) counters: BTreeMap<CpCounter, u64>,
-    pub(crate) events: Vec<String>,
-    pub(crate) received: Vec<Vec<u8>>,
-    /// Diagnostic data, each time they have changed.
-    pub(crate) records: Vec<Vec<u8>>,
-    pub(crate) troubles: Troubles,
-    /// The state that each channel of a CP 341 shows (`docs/cp341-channels.md`): send, receive.
-    pub(crate) channels: [u8; 2],
-}
-
-impl Wire for Log {
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.tx.extend_from_slice(bytes);
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.rts = Some(on);
-    }
-
-    fn dtr(&mut self, on: bool) {
-        self.dtr = Some(on);
-    }
-}
-
-impl CpPort for Log {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.inputs.copy_from_slice(registers);
-        self.shown.push((word(&self.inputs, 0), word(&self.inputs, 2)));
-    }
-
-    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
-        self.channels[usize::from(channel == Channel::Receive)] = block[0];
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
-        self.settings.push(*settings);
-    }
-
-    fn record(&mut self, record: &[u8]) {
-        self.records.push(record.to_vec());
-    }
-
-    fn leds(&mut self, leds: Leds) {
-        self.leds = leds;
-    }
-
-    fn count(&mut self, counter: CpCounter, n: u64) {
-        *self.counters.entry(counter).or_default() += n;
-    }
-
-    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
-        self.troubles.event(now, &event);
-        if let CpEvent::Received(telegram) = event {
-            self.received.push(telegram.to_vec());
-        }
-        self.events.push(format!("{event:?}"));
-    }
-}
-
-pub(crate) fn word(registers: &Registers, at: usize) -> u16 {
+pub(crate) fn word(registers: &[u8], at: usize) -> u16 {
     u16::from_be_bytes([registers[at], registers[at + 1]])
 }
 
 pub(crate) struct Bench {
     pub(crate) cp: Cp240,
-    pub(crate) log: Log,
+    pub(crate) log: CpLog,
     pub(crate) now: Instant,
     pub(crate) due: Option<Instant>,
     pub(crate) outputs: Registers,
@@ -97,7 +22,13 @@ pub(crate) struct Bench {
 impl Bench {
     /// A CP just switched on.
     pub(crate) fn off() -> Self {
-        Self { cp: Cp240::new(0), log: Log::default(), now: Instant::START, due: None, outputs: [0; 16] }
+        Self {
+            cp: Cp240::new(0),
+            log: CpLog { inputs: vec![0; 16], ..CpLog::default() },
+            now: Instant::START,
+            due: None,
+            outputs: [0; 16],
+        }
     }
 
     /// A CP with these parameters, showing its start-up identifier.
@@ -196,7 +127,7 @@ impl Bench {
     }
 
     pub(crate) fn count(&self, counter: CpCounter) -> u64 {
-        self.log.counters.get(&counter).copied().unwrap_or(0)
+        self.log.counter(counter)
     }
 
     /// What its owner would show as its reason.

@@ -75,15 +75,15 @@ fn xoff_stops_a_cp_040() {
     let keys = [("protocol", "ascii"), ("duplex", "full"), ("flow", "xon-xoff"), ("zvz_ms", "20")];
     let mut bench = Bench::new(60, &keys);
     bench.line(LineInput::TxDone);
-    bench.log.tx.clear();
+    bench.log.wire.tx.clear();
     bench.line(LineInput::Rx(&[0x13]));
     let mut area = vec![0x8A, 0, 0, 2, b'h', b'i'];
     area.resize(60, 0);
     bench.put(&area);
     bench.pass(1000 * MS);
-    assert_eq!((bench.log.tx.as_slice(), bench.log.inputs[0]), (&b""[..], 0x88), "stopped");
+    assert_eq!((bench.log.wire.tx.as_slice(), bench.log.inputs[0]), (&b""[..], 0x88), "stopped");
     bench.line(LineInput::Rx(&[0x11]));
-    assert_eq!(bench.log.tx, b"hi");
+    assert_eq!(bench.log.wire.tx, b"hi");
     bench.line(LineInput::TxDone);
     assert_eq!(bench.log.inputs[0], 0xA8);
     bench.put(&[0x88]);
@@ -126,7 +126,7 @@ fn telegrams_between_flags_go_both_ways() {
         ];
         let mut bench = Bench::new(16, &keys);
         assert_eq!(bench.send(&pattern(40)), Some(Ok(())), "{starts} {ends}");
-        assert_eq!(bench.log.tx, line, "{starts} {ends}");
+        assert_eq!(bench.log.wire.tx, line, "{starts} {ends}");
         bench.line(LineInput::Rx(&line));
         assert_eq!(bench.fetch(), Some((0, pattern(40), 0)), "{starts} {ends}");
     }
@@ -137,21 +137,21 @@ fn telegrams_between_flags_go_both_ways() {
 fn a_telegram_of_3964r_goes_both_ways() {
     let mut bench = Bench::new(60, &[("protocol", "3964r"), ("duplex", "full")]);
     for length in [1, 250, 1024] {
-        bench.log.tx.clear();
+        bench.log.wire.tx.clear();
         assert_eq!(bench.send(&pattern(length)), None, "the partner has not acknowledged");
-        assert_eq!(bench.log.tx, [0x02]);
+        assert_eq!(bench.log.wire.tx, [0x02]);
         bench.line(LineInput::Rx(&[0x10]));
-        assert_eq!(bench.log.tx[1..], block(&pattern(length)));
+        assert_eq!(bench.log.wire.tx[1..], block(&pattern(length)));
         bench.line(LineInput::TxDone);
         assert_ne!(bench.log.inputs[0] >> 4, 0xA, "not yet");
         bench.line(LineInput::Rx(&[0x10]));
         assert_eq!(bench.log.inputs[0] >> 4, 0xA);
         bench.put(&[0x88]);
-        bench.log.tx.clear();
+        bench.log.wire.tx.clear();
         bench.line(LineInput::Rx(&[0x02]));
         bench.line(LineInput::TxDone);
         bench.line(LineInput::Rx(&block(&pattern(length))));
-        assert_eq!(bench.log.tx, [0x10, 0x10]);
+        assert_eq!(bench.log.wire.tx, [0x10, 0x10]);
         bench.line(LineInput::TxDone);
         assert_eq!(bench.fetch(), Some((0, pattern(length), 0)));
     }
@@ -163,14 +163,14 @@ fn a_partner_that_is_silent_gets_six_stx() {
     let mut bench = Bench::new(60, &[("protocol", "3964r"), ("duplex", "full")]);
     assert_eq!(bench.send(b"hello"), None);
     for n in 1..=6 {
-        assert_eq!(bench.log.tx, vec![0x02; n]);
+        assert_eq!(bench.log.wire.tx, vec![0x02; n]);
         bench.line(LineInput::TxDone);
         bench.pass(200 * MS);
     }
-    assert_eq!((bench.log.tx.last(), bench.log.inputs[0]), (Some(&0x15), 0xE8));
+    assert_eq!((bench.log.wire.tx.last(), bench.log.inputs[0]), (Some(&0x15), 0xE8));
     bench.put(&[0x88]);
     assert_eq!(bench.send(b"again"), None);
-    assert_eq!(bench.log.tx.last(), Some(&0x02));
+    assert_eq!(bench.log.wire.tx.last(), Some(&0x02));
 }
 
 /// [S3 L305]: "triple character time"; page 71 says "about double" [S3 L367].
@@ -182,9 +182,9 @@ fn a_zvz_of_0_is_three_characters_for_3964r() {
     bench.line(LineInput::Rx(b"a"));
     // 10 bits at 9600: 1.042 ms.
     bench.pass(3 * MS);
-    assert_eq!(bench.log.tx, [0x10]);
+    assert_eq!(bench.log.wire.tx, [0x10]);
     bench.pass(MS / 5);
-    assert_eq!(bench.log.tx, [0x10, 0x15], "NAK");
+    assert_eq!(bench.log.wire.tx, [0x10, 0x15], "NAK");
 }
 
 const MASTER: [(&str, &str); 4] =
@@ -195,7 +195,7 @@ fn ask(request: &[u8]) -> Bench {
     let mut bench = Bench::new(60, &MASTER);
     assert_eq!(bench.send(request), None);
     bench.pass(10 * MS);
-    assert_eq!(bench.log.tx, rtu(request));
+    assert_eq!(bench.log.wire.tx, rtu(request));
     bench.line(LineInput::TxDone);
     bench
 }
@@ -236,5 +236,5 @@ fn a_broadcast_is_done_without_an_answer() {
     let mut bench = Bench::new(60, &MASTER);
     assert!(matches!(bench.send(&[0, 3, 0, 0, 0, 1]), Some(Err(_))));
     bench.pass(1000 * MS);
-    assert!(bench.log.tx.is_empty());
+    assert!(bench.log.wire.tx.is_empty());
 }

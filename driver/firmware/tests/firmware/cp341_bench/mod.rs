@@ -4,13 +4,11 @@
 #![allow(dead_code)] // each test file uses its own part of it
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use ob1_fakes::cp_port::{CpLog, Plug};
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{
-    Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Reason, Span, Troubles, Wire,
-};
+use ob1_firmware::{Cp as _, CpCounter, CpInput, Instant, LineInput, LineSettings, Reason, Span, Wire};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
@@ -26,27 +24,21 @@ const DONE: u8 = 5;
 const FAILED: u8 = 6;
 const OFFERED: u8 = 7;
 
-struct Port {
+struct Plugged {
     line: Rc<RefCell<SimBus>>,
     now: Instant,
     outputs: (bool, bool),
-    shown: [ChannelBlock; 2],
-    image: u8,
-    entries: Vec<u16>,
-    counters: BTreeMap<CpCounter, u64>,
-    leds: Leds,
-    troubles: Troubles,
     frame: Frame,
 }
 
-impl Port {
+impl Plugged {
     fn drive(&mut self) {
         let (rts, dtr) = self.outputs;
         self.line.borrow_mut().set_modem(CP, self.now, rts, dtr);
     }
 }
 
-impl Wire for Port {
+impl Wire for Plugged {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.borrow_mut().write(CP, self.now, bytes);
     }
@@ -66,35 +58,12 @@ impl Wire for Port {
     }
 }
 
-impl CpPort for Port {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.image = registers[0];
-    }
-
-    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
-        self.shown[usize::from(channel == Channel::Receive)] = *block;
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
+impl Plug for Plugged {
+    fn settings(&mut self, settings: &LineSettings) {
         self.frame.char_time = settings.char_time();
         let mut line = self.line.borrow_mut();
         line.set_frame(CP, self.frame);
         line.set_frame(PARTNER, self.frame);
-    }
-
-    fn leds(&mut self, leds: Leds) {
-        self.leds = leds;
-    }
-
-    fn count(&mut self, counter: CpCounter, n: u64) {
-        *self.counters.entry(counter).or_default() += n;
-    }
-
-    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
-        self.troubles.event(now, &event);
-        if let CpEvent::Entry(number) = event {
-            self.entries.push(number);
-        }
     }
 }
 
@@ -107,7 +76,7 @@ pub(crate) enum Got {
 
 pub(crate) struct Bench {
     cp: Cp341,
-    port: Port,
+    port: CpLog<Plugged>,
     pub(crate) now: Instant,
     due: Option<Instant>,
     /// Start number of both blocks, and the last job's number.
@@ -131,18 +100,8 @@ impl Bench {
         let mut line = SimBus::new(BusConfig::new(false), 1);
         assert_eq!((line.join(frame), line.join(frame)), (CP, PARTNER));
         line.set_modem(PARTNER, Instant::START, true, true);
-        let port = Port {
-            line: Rc::new(RefCell::new(line)),
-            now: Instant::START,
-            outputs: (false, false),
-            shown: [[0; 64]; 2],
-            image: 0,
-            entries: Vec::new(),
-            counters: BTreeMap::new(),
-            leds: Leds::NONE,
-            troubles: Troubles::default(),
-            frame,
-        };
+        let line = Rc::new(RefCell::new(line));
+        let port = CpLog::at(Plugged { line, now: Instant::START, outputs: (false, false), frame });
         let cp = Cp341::new();
         let mut bench = Self {
             cp,
@@ -164,13 +123,13 @@ impl Bench {
     }
 
     fn step(&mut self, input: CpInput<'_>) {
-        self.port.now = self.now;
+        self.port.wire.now = self.now;
         self.due = self.cp.step(self.now, input, &mut self.port);
     }
 
     /// Time of a character.
     pub(crate) fn char_time(&self) -> Span {
-        self.port.frame.char_time
+        self.port.wire.frame.char_time
     }
 
     /// The CPU goes to RUN or STOP.
@@ -203,7 +162,7 @@ impl Bench {
         let end = self.now + time;
         loop {
             let mut buffer = [0; 16];
-            let line = Rc::clone(&self.port.line);
+            let line = Rc::clone(&self.port.wire.line);
             let popped = line.borrow_mut().pop(self.now, &mut buffer);
             match popped {
                 Some((CP, event)) => {
@@ -218,7 +177,7 @@ impl Bench {
                 Some((_, BusEvent::Rx(n))) => self.heard.extend(buffer[..n].iter().map(|byte| (self.now, *byte))),
                 Some(_) => {}
                 None => {
-                    let next = self.due.into_iter().chain(self.port.line.borrow().next_event()).min();
+                    let next = self.due.into_iter().chain(self.port.wire.line.borrow().next_event()).min();
                     let Some(next) = next.filter(|next| *next <= end) else { break };
                     self.now = self.now.max(next);
                     if self.due.is_some_and(|due| due <= self.now) {
@@ -235,7 +194,7 @@ impl Bench {
 
     /// The partner sends, without waiting for it.
     pub(crate) fn says(&mut self, bytes: &[u8]) {
-        self.port.line.borrow_mut().write(PARTNER, self.now, bytes);
+        self.port.wire.line.borrow_mut().write(PARTNER, self.now, bytes);
     }
 
     /// The partner sends; returns when its last bit has been sent.
@@ -246,21 +205,21 @@ impl Bench {
 
     /// The partner sends at half the speed: nothing of it can be read.
     pub(crate) fn has_mumbled(&mut self, bytes: &[u8]) {
-        let slow = Frame { char_time: 2 * self.char_time(), ..self.port.frame };
-        self.port.line.borrow_mut().set_frame(PARTNER, slow);
+        let slow = Frame { char_time: 2 * self.char_time(), ..self.port.wire.frame };
+        self.port.wire.line.borrow_mut().set_frame(PARTNER, slow);
         self.says(bytes);
         self.pass(2 * bytes.len() as u64 * self.char_time());
-        self.port.line.borrow_mut().set_frame(PARTNER, self.port.frame);
+        self.port.wire.line.borrow_mut().set_frame(PARTNER, self.port.wire.frame);
     }
 
     /// The partner's line is at 0 for 5 ms.
     pub(crate) fn breaks(&mut self) {
-        self.port.line.borrow_mut().send_break(PARTNER, self.now, 5 * MS);
+        self.port.wire.line.borrow_mut().send_break(PARTNER, self.now, 5 * MS);
     }
 
     /// The partner switches its RTS and DTR: CTS, DSR and DCD of the CP.
     pub(crate) fn switches(&mut self, rts: bool, dtr: bool) {
-        self.port.line.borrow_mut().set_modem(PARTNER, self.now, rts, dtr);
+        self.port.wire.line.borrow_mut().set_modem(PARTNER, self.now, rts, dtr);
         self.pass(Span::ZERO);
     }
 
@@ -289,7 +248,7 @@ impl Bench {
 
     /// The outcome of the job, if it has ended; P_SND_RK is then ready for the next.
     pub(crate) fn sent(&mut self) -> Option<Result<(), u16>> {
-        let shown = self.port.shown[0];
+        let shown = self.port.channel_block(Channel::Send);
         let outcome = match shown[0] {
             DONE => Ok(()),
             FAILED => Err(u16::from_be_bytes([shown[8], shown[9]])),
@@ -318,14 +277,14 @@ impl Bench {
         let mut block: ChannelBlock = [0; 64];
         block[0] = command;
         block[2..4].copy_from_slice(&self.started.to_be_bytes());
-        block[4..6].copy_from_slice(&self.port.shown[1][4..6]);
+        block[4..6].copy_from_slice(&self.port.channel_block(Channel::Receive)[4..6]);
         block[6..8].copy_from_slice(&piece.to_be_bytes());
         block
     }
 
     /// P_RCV_RK begins to take the telegram on offer, if any; returns its length.
     pub(crate) fn begin(&mut self) -> Option<usize> {
-        let shown = self.port.shown[1];
+        let shown = self.port.channel_block(Channel::Receive);
         (shown[0] == OFFERED).then(|| {
             let block = self.receive_block(4, 0);
             self.step(CpInput::Channel(Channel::Receive, &block));
@@ -344,7 +303,7 @@ impl Bench {
     pub(crate) fn take(&mut self, length: usize) -> Vec<u8> {
         let mut data = Vec::new();
         while data.len() < length {
-            let shown = self.port.shown[1];
+            let shown = self.port.channel_block(Channel::Receive);
             assert_eq!(shown[0], GIVING);
             data.extend_from_slice(&shown[32..32 + (length - data.len()).min(32)]);
             let piece = u16::from_be_bytes([shown[6], shown[7]]);
@@ -356,7 +315,7 @@ impl Bench {
 
     /// P_RCV_RK shows NDR, if the CP has told it that this was all.
     pub(crate) fn ends(&mut self) -> bool {
-        let done = self.port.shown[1][0] == DONE;
+        let done = self.port.channel_block(Channel::Receive)[0] == DONE;
         if done {
             let block = self.receive_block(3, 0);
             self.step(CpInput::Channel(Channel::Receive, &block));
@@ -368,7 +327,7 @@ impl Bench {
     pub(crate) fn refuse(&mut self) {
         let block = self.receive_block(5, 0);
         self.step(CpInput::Channel(Channel::Receive, &block));
-        assert_eq!(self.port.shown[1][0], FAILED);
+        assert_eq!(self.port.channel_block(Channel::Receive)[0], FAILED);
         let block = self.receive_block(3, 0);
         self.step(CpInput::Channel(Channel::Receive, &block));
     }
@@ -383,7 +342,7 @@ impl Bench {
 
     /// The next result of P_RCV_RK.
     pub(crate) fn got(&mut self) -> Option<Got> {
-        let shown = self.port.shown[1];
+        let shown = self.port.channel_block(Channel::Receive);
         if shown[0] == FAILED {
             let block = self.receive_block(3, 0);
             self.step(CpInput::Channel(Channel::Receive, &block));
@@ -408,12 +367,12 @@ impl Bench {
     /// V24_STAT: DTR, DSR, RTS, CTS, DCD, RI from bit 0 on.
     pub(crate) fn v24_stat(&mut self) -> u8 {
         self.pass(20 * MS);
-        self.port.image
+        self.port.inputs.first().copied().unwrap_or(0)
     }
 
     /// RTS and DTR of the CP.
     pub(crate) fn outputs(&self) -> (bool, bool) {
-        self.port.outputs
+        self.port.wire.outputs
     }
 
     /// New entries of the diagnostic buffer.
@@ -432,6 +391,6 @@ impl Bench {
     }
 
     pub(crate) fn count(&self, counter: CpCounter) -> u64 {
-        self.port.counters.get(&counter).copied().unwrap_or(0)
+        self.port.counter(counter)
     }
 }

@@ -9,8 +9,6 @@ use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
 use ob1_protocols::profibus::telegram::{self, Frame};
 use ob1_protocols::profibus::{MIN_ANSWER_BITS, Parsed, SYNC_BITS, TELEGRAM_BYTES, Telegram, function, sap};
 
-use crate::times::bits;
-
 /// 10 ms: the unit of the watchdog.
 const WATCHDOG_UNIT: Span = Span::from_millis(10);
 /// Bytes of Set_Prm before the user parameters.
@@ -175,7 +173,7 @@ impl Slave {
     }
 
     fn bits(&self, count: u32) -> Span {
-        bits(count, self.config.baud)
+        Span::from_nanos((u64::from(count) * Span::SECOND.nanos()).div_ceil(u64::from(self.config.baud.max(1))))
     }
 
     /// The end of a received character; `None`: it could not be read.

@@ -1,12 +1,26 @@
 //! Did you mean: the known word that is nearest to a wrong one.
 
-/// The known word nearest to `word`, if one is near enough to be meant.
+/// Longest known word that is compared, in bytes; words that are looked up may have so many.
+const KNOWN: usize = 64;
+const WORD: usize = 40;
+
+/// The known word nearest to `word`, if one is near enough to be meant. Capitals do not matter.
 #[must_use]
 pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
-    let (allowed, word) = ((word.chars().count() / 3).clamp(1, 3), word.to_lowercase());
+    if word.len() > WORD {
+        return None;
+    }
+    let word = word.to_uppercase();
+    let allowed = match word.chars().count() {
+        0..=1 => 0,
+        2..=4 => 1,
+        5..=8 => 2,
+        _ => 3,
+    };
     known
         .into_iter()
-        .map(|k| (strsim::damerau_levenshtein(&word, &k.to_lowercase()), k))
+        .filter(|k| k.len() <= KNOWN)
+        .map(|k| (strsim::damerau_levenshtein(&word, &k.to_uppercase()), k))
         .filter(|(distance, _)| *distance <= allowed)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, k)| k)

@@ -3,16 +3,20 @@
 //! What is written is what [`crate::Project`] reads and STEP 7 would find by itself: block folder, program, symbol
 //! table, station with CPU and modules. Indexes (`.MDX`) and the editors' private parts are left out.
 
+mod hardware;
+mod table;
+
 use ob1_model::BlockKind;
 
-use crate::dbf_writer::{Cell, TableWriter};
+use crate::comments::Comments;
 use crate::folder::{Block, Head, KINDS, Language, Part, UDT, Udt};
-use crate::hardware::{self, Cpu, DpSystem, Module};
+use crate::hardware::{Cpu, DpSystem, Module};
 use crate::links::{self, Links};
-use crate::sources::{self, SourceText};
+use crate::sources::{STL, SourceText};
 use crate::symbols::{self, SymbolRow};
 use crate::text::CodePage;
 use crate::tree::Files;
+use table::{Cell, TableWriter};
 
 /// A project with one station, one CPU and one program.
 #[derive(Clone, Debug, Default)]
@@ -45,6 +49,9 @@ const FOLDER_ID: u32 = 1;
 const LIST_ID: u32 = 101;
 const SOURCES_ID: u32 = 1;
 
+/// TYPE of an SCL source.
+const SCL: i64 = 1_122_310;
+
 impl NewProject {
     /// The files of the project.
     #[must_use]
@@ -56,7 +63,7 @@ impl NewProject {
         self.programs(&mut files);
         self.block_folder(&mut files);
         self.symbol_list(&mut files);
-        sources::write(&self.sources, SOURCES_ID, self.page, &mut files);
+        write_sources(&self.sources, SOURCES_ID, self.page, &mut files);
         hardware::write(self.cpu.as_ref(), &self.modules, &self.dp, i64::from(PROGRAM_ID), self.page, &mut files);
         files
     }
@@ -82,7 +89,7 @@ impl NewProject {
         let mut lnk = vec![0u8; 512];
         let list = (!self.symbols.is_empty()).then_some(i64::from(LIST_ID));
         let sources = (!self.sources.is_empty()).then_some(SOURCES_ID);
-        lnk.extend(links::write(512, Links { folder: Some(FOLDER_ID), symbols: list, sources }));
+        lnk.extend(link_record(512, Links { folder: Some(FOLDER_ID), symbols: list, sources }));
         files.put("hrs/linkhrs.lnk", lnk);
     }
 
@@ -104,7 +111,7 @@ impl NewProject {
             object += 1;
             let Some(kind) = KINDS.iter().find(|kind| kind.kind == block.id.kind) else { continue };
             let bytes = |text: &str| self.page.bytes(text);
-            let (heading, stream, info) = block.comments.write(self.page);
+            let (heading, stream, info) = comment_memos(&block.comments, self.page);
             let code = Part {
                 code: block.code.clone(),
                 interface: block.interface.clone(),
@@ -240,22 +247,6 @@ fn part_row(table: &mut TableWriter, object: i64, ty: i64, number: u16, part: Pa
     ]);
 }
 
-/// Used by those who describe a block in the language it was made in.
-impl Language {
-    pub(crate) fn number(self) -> i64 {
-        match self {
-            Language::Stl => 1,
-            Language::Lad => 2,
-            Language::Fbd => 3,
-            Language::Scl => 4,
-            Language::Db => 5,
-            Language::Graph => 6,
-            Language::Cfc => 7,
-            Language::Other(number) => number.into(),
-        }
-    }
-}
-
 impl Default for Block {
     fn default() -> Self {
         Self {
@@ -270,10 +261,114 @@ impl Default for Block {
             interface: Vec::new(),
             segments: Vec::new(),
             declarations: None,
-            comments: crate::Comments::default(),
+            comments: Comments::default(),
             uses: Vec::new(),
             changed: ob1_mc7::Stamp::default(),
             interface_changed: ob1_mc7::Stamp::default(),
+        }
+    }
+}
+
+/// Writes the container with this ID.
+fn write_sources(sources: &[SourceText], container: u32, page: CodePage, files: &mut Files) {
+    if sources.is_empty() {
+        return;
+    }
+    let folder = format!("s7asrcom/{container:08x}/");
+    let mut table = TableWriter::new(&[("NAME", 'C', 24), ("FILENAME", 'C', 16), ("TYPE", 'N', 11)]);
+    for (at, source) in sources.iter().enumerate() {
+        let file = format!("{at:08x}.src");
+        table.row(vec![
+            ("NAME", Cell::Bytes(page.bytes(&source.name))),
+            ("FILENAME", Cell::Bytes(file.clone().into_bytes())),
+            ("TYPE", Cell::Number(if source.stl { STL } else { SCL })),
+        ]);
+        files.put(&format!("{folder}{file}"), page.bytes(&source.text));
+    }
+    files.put(&format!("{folder}S7CONTAI.DBF"), table.finish().0);
+}
+
+/// A record with these links.
+fn link_record(offset: u32, links: Links) -> Vec<u8> {
+    let symbols = links.symbols.and_then(|id| u32::try_from(id).ok());
+    let entries = [(links::FOLDER, links.folder), (links::SYMBOLS, symbols), (links::SOURCES, links.sources)];
+    let entries: Vec<((u32, u32), u32)> = entries.into_iter().filter_map(|(kind, id)| Some((kind, id?))).collect();
+    let mut record = Vec::with_capacity(links::RECORD);
+    record.extend(offset.to_le_bytes());
+    record.extend(0u32.to_le_bytes());
+    record.extend((entries.len() as u32).to_le_bytes());
+    record.resize(links::HEAD, 0);
+    for ((ty, relation), id) in entries {
+        for word in [0, 0, ty, id, relation, 2] {
+            record.extend(word.to_le_bytes());
+        }
+    }
+    record.resize(links::RECORD, 0);
+    record
+}
+
+/// The three memos of a comment part: heading, stream and labels. What is longer than its field is cut.
+fn comment_memos(comments: &Comments, page: CodePage) -> (Vec<u8>, Vec<u8>, Vec<u8>) {
+    let title = nul(page.bytes(&comments.title));
+    let mut heading = vec![3];
+    heading.extend(word(3 + title.len()));
+    heading.extend(title);
+    heading.extend(nul(page.bytes(&comments.comment)));
+    let (mut stream, mut info) = (Vec::new(), word(comments.networks.len()).to_vec());
+    for network in &comments.networks {
+        let before = stream.len();
+        let (title, comment) = (nul(page.bytes(&network.title)), nul(page.bytes(&network.comment)));
+        stream.push(6);
+        stream.extend(word(6 + title.len()));
+        stream.extend(word(6 + title.len() + comment.len()));
+        stream.push(6);
+        stream.extend(title.into_iter().chain(comment));
+        let mut at = 0;
+        for line in &network.lines {
+            let mut text = page.bytes(&line.text);
+            text.truncate(255);
+            stream.extend([text.len() as u8, 0]);
+            stream.extend(word(line.statement.saturating_sub(at) as usize));
+            stream.extend([if line.behind { 0x80 } else { 0 }, COLUMN]);
+            stream.extend(text);
+            at = line.statement;
+        }
+        info.extend(word(stream.len() - before));
+    }
+    info.extend(word(comments.labels.len()));
+    for label in &comments.labels {
+        let mut name = page.bytes(label);
+        name.resize(4, 0);
+        info.extend(name);
+        info.push(0);
+    }
+    (heading, stream, info)
+}
+
+/// The column of the comments where STEP 7 prints a block.
+const COLUMN: u8 = 28;
+
+fn word(value: usize) -> [u8; 2] {
+    u16::try_from(value).unwrap_or(u16::MAX).to_le_bytes()
+}
+
+fn nul(mut bytes: Vec<u8>) -> Vec<u8> {
+    bytes.push(0);
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_read_as_it_was_written() {
+        let links = Links { folder: Some(3), symbols: Some(638), sources: None };
+        let mut bytes = vec![0xAA; 512];
+        bytes.extend(link_record(512, links));
+        assert_eq!(links::read(&bytes, 512), links);
+        for offset in [-1, 0, 513, 900, 1024, i64::MAX] {
+            assert_eq!(links::read(&bytes, offset).folder, None, "{offset}");
         }
     }
 }
