@@ -22,7 +22,7 @@ use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
 
 /// Most links of a CPU.
-pub const LINKS: usize = 8;
+pub const LINKS: usize = 9;
 
 /// Orders and groups of one link that can be under way.
 const RING: usize = 32;

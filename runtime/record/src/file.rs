@@ -222,10 +222,21 @@ impl<R: Read> Reader<R> {
         &self.head
     }
 
+    /// What is read, for whoever waits for more of it.
+    pub const fn input(&self) -> &R {
+        &self.input
+    }
+
     /// The file ended within a block: it was cut off, or still grows.
     #[must_use]
     pub const fn is_cut(&self) -> bool {
         self.cut
+    }
+
+    /// Entries that were read and not taken yet: [`Reader::next`] does not wait for them.
+    #[must_use]
+    pub fn has_more(&self) -> bool {
+        self.entries.len() > 0
     }
 
     /// Bytes of the file up to the end of the last whole block.

@@ -1,6 +1,6 @@
 //! The head of a recording: the station, its clocks, the signals.
 
-use ob1_access::{Item, Names, Reading, Typed};
+use ob1_access::{Datum, Item, Names, Reading, Typed};
 use ob1_model::{Area, Cell, DataType, Frame, Piece, Width};
 use ob1_time::Instant;
 use serde::{Deserialize, Serialize};
@@ -113,16 +113,29 @@ fn address(cell: Cell, width: Width) -> String {
     }
 }
 
-/// The value of bits, for comparing and for drawing.
+/// The value of bits as a number, for conditions and diagrams: of times and durations the milliseconds.
 #[must_use]
-pub(crate) fn number(item: &Item, bits: u32) -> f64 {
+pub fn number(item: &Item, bits: u32) -> f64 {
     match (item.reading, item.width) {
         (Reading::Real, _) => f64::from(f32::from_bits(bits)),
-        (Reading::Signed, Width::Byte) => f64::from(bits as u8 as i8),
         (Reading::Signed, Width::Word) => f64::from(bits as u16 as i16),
         (Reading::Signed, _) => f64::from(bits as i32),
-        _ => f64::from(bits),
+        _ => match datum(item, bits) {
+            Some(Datum::Duration(ms)) => ms as f64,
+            _ => f64::from(bits),
+        },
     }
+}
+
+/// The value of bits by its type; `None` for a bit, and for what its type does not have.
+#[must_use]
+pub fn datum(item: &Item, bits: u32) -> Option<Datum> {
+    if item.width == Width::Bit {
+        return None;
+    }
+    let bytes = bits.to_be_bytes();
+    let typed = Typed { name: String::new(), cell: item.cell, ty: item.ty.clone() };
+    typed.value(bytes.get(4 - item.width.bytes() as usize..)?)
 }
 
 /// The clocks of the machine when the clock of the recording showed 0, in nanoseconds.

@@ -16,7 +16,7 @@ pub use capture::{Capture, Taken};
 pub use event::Event;
 pub use expression::Expression;
 pub use file::{Entry, FormatError, MAGIC, Reader, Writer};
-pub use head::{Clocks, Head, Signal};
+pub use head::{Clocks, Head, Signal, datum, number};
 pub use order::{LONGEST_HISTORY, Order, Settings};
 pub use row::{Row, Scan};
 pub use trigger::Trigger;
