@@ -14,6 +14,8 @@ use crate::{Event, Row, Settings, Writer};
 const BLOCK: usize = 64 * 1024;
 /// Runs of organization blocks that are kept for each row of history.
 const RUNS: usize = 4;
+/// Events that are kept before a trigger.
+const EVENTS: usize = 256;
 
 /// What became of the rows that were taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,9 +36,12 @@ pub struct Capture {
     history: VecDeque<Row>,
     spare: Vec<Row>,
     runs: VecDeque<ObRun>,
+    events: VecDeque<Event>,
     bytes: Vec<u8>,
-    /// The part that is being written, and when its trigger fired.
+    /// The part that is being written: when its trigger fired.
     part: Option<Instant>,
+    /// From the history of the newest part to its end: what happened in it may become known later.
+    span: Option<(Instant, Instant)>,
     parts: u64,
     rows: u64,
     lost: u64,
@@ -56,8 +61,10 @@ impl Capture {
             history: VecDeque::with_capacity(settings.history),
             runs: VecDeque::with_capacity(settings.history * RUNS),
             spare: spare.take(settings.history + 1).collect(),
+            events: VecDeque::with_capacity(EVENTS),
             bytes: Vec::with_capacity(8),
             part: None,
+            span: None,
             parts: 0,
             rows: 0,
             lost: 0,
@@ -87,8 +94,14 @@ impl Capture {
     /// Takes an event: it is written while a part is, and may begin one.
     pub fn event(&mut self, event: Event, out: &mut Vec<u8>) {
         self.watching.event(&event);
-        if self.part.is_some() {
+        let time = Instant::from_nanos(event.time_ns());
+        if self.span.is_some_and(|(from, to)| (from..=to).contains(&time)) {
             self.writer.event(event, out);
+        } else if self.part.is_none() {
+            if self.events.len() == EVENTS {
+                self.events.pop_front();
+            }
+            self.events.push_back(event);
         }
     }
 
@@ -140,7 +153,7 @@ impl Capture {
             self.part = Some(row.time);
             let number = self.parts;
             self.writer.event(Event::Part { number, time_ns: row.time.nanos(), why }, out);
-            self.write_history(row.time);
+            self.write_history(row.time.saturating_sub(self.settings.before), out);
         }
         let Some(began) = self.part else { return Ok(self.keep(row)) };
         if !room {
@@ -156,6 +169,7 @@ impl Capture {
             return Ok(row);
         }
         self.part = None;
+        self.span = self.span.map(|(from, _)| (from, row.time));
         self.writer.event(Event::Complete { number: self.parts, time_ns: row.time.nanos() }, out);
         if self.parts == self.settings.repeat { Err(row) } else { Ok(row) }
     }
@@ -165,8 +179,8 @@ impl Capture {
         self.rows += 1;
     }
 
-    fn write_history(&mut self, fired: Instant) {
-        let from = fired.saturating_sub(self.settings.before);
+    fn write_history(&mut self, from: Instant, out: &mut Vec<u8>) {
+        self.span = Some((from, Instant::NEVER));
         while let Some(row) = self.history.pop_front() {
             if row.time >= from {
                 self.write(&row);
@@ -175,6 +189,9 @@ impl Capture {
         }
         for run in self.runs.drain(..).filter(|run| run.began >= from) {
             self.writer.run(&run);
+        }
+        for event in self.events.drain(..).filter(|event| event.time_ns() >= from.nanos()) {
+            self.writer.event(event, out);
         }
     }
 

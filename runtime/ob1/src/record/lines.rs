@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ob1_protocols::trace::{Meaning, Unit, Way};
 use ob1_serial::record::{Kind, Record};
 use ob1_time::{Instant, Span};
-use ob1_trace::{Cp, remark, shown};
+use ob1_trace::{Cp, OrderStep, order_step, remark, shown};
 
 use crate::trace::Link;
 
@@ -16,7 +16,7 @@ const SHOWN: usize = 64;
 pub(super) struct Told {
     /// Name of the CP, bus or link.
     pub(super) line: String,
-    /// `out`, `in`, or `line` for what has no direction.
+    /// `out`, `in`, `line` for what has no direction, [`ORDERS`] for an order of its CP.
     pub(super) way: &'static str,
     pub(super) begin: Instant,
     pub(super) end: Instant,
@@ -25,6 +25,9 @@ pub(super) struct Told {
     pub(super) bytes: String,
     pub(super) is_telegram: bool,
 }
+
+/// The way of an order: from when the CP has it whole until it has ended.
+pub(super) const ORDERS: &str = "orders";
 
 enum Line {
     Cp(Box<Cp>),
@@ -35,6 +38,8 @@ enum Line {
 pub(super) struct Lines {
     unix: u64,
     lines: BTreeMap<u8, Line>,
+    /// The order of each that is under way, and what its CP says of it.
+    orders: BTreeMap<u8, (Instant, String)>,
 }
 
 /// The time of a driver by the clock of the recording: both say what the date was at their 0.
@@ -58,7 +63,7 @@ const fn way(way: Way) -> &'static str {
 impl Lines {
     /// `unix`: nanoseconds since 1970 when the clock of the recording showed 0.
     pub(super) const fn new(unix: u64) -> Self {
-        Self { unix, lines: BTreeMap::new() }
+        Self { unix, lines: BTreeMap::new(), orders: BTreeMap::new() }
     }
 
     /// Reads the record of a tap.
@@ -100,9 +105,36 @@ impl Lines {
         if let Some(text) = remark(&record) {
             let at = shifted(record.time, zero, unix);
             let bytes = String::new();
+            all.extend(self.order(number, &name, &record, at, &text));
             all.push(Told { line: name, way: "line", begin: at, end: at, text, bytes, is_telegram: false });
         }
         all
+    }
+
+    /// An order that ends with this note.
+    fn order(&mut self, number: u8, name: &str, record: &Record<'_>, at: Instant, text: &str) -> Option<Told> {
+        let step = order_step(record)?;
+        let before = match step {
+            // Another one, and no end of the one before: its end was lost.
+            OrderStep::Begun => self.orders.insert(number, (at, text.to_owned())),
+            OrderStep::Done | OrderStep::Failed => self.orders.remove(&number),
+        };
+        let end = if step == OrderStep::Begun { "no end was heard" } else { text };
+        let (begin, order) = match (before, step) {
+            (Some(before), _) => before,
+            // Refused as it came.
+            (None, OrderStep::Failed) => (at, "order".to_owned()),
+            (None, _) => return None,
+        };
+        Some(Told {
+            line: name.to_owned(),
+            way: ORDERS,
+            begin,
+            end: at.max(begin),
+            text: format!("{order}: {end}"),
+            bytes: String::new(),
+            is_telegram: true,
+        })
     }
 
     /// What is still open.

@@ -14,7 +14,7 @@ use ob1_time::Instant;
 use ob1_timing::snapshot::LateEntry;
 use prost::Message as _;
 
-use super::lines::{Lines, Told};
+use super::lines::{Lines, ORDERS, Told};
 use super::proto::{
     BEGIN, BOOTTIME, BY_RANK, CLEARED, COUNTER, Clock, ClockSnapshot, CounterDescriptor, DebugAnnotation, END, INSTANT,
     InternedData, InternedName, MONOTONIC, NEEDS, ProcessDescriptor, REALTIME, Trace, TracePacket,
@@ -377,8 +377,13 @@ impl<W: Write> Perfetto<W> {
     /// What was on a line: telegrams are slices, characters and remarks are instants.
     fn told(&mut self, told: Vec<Told>) -> io::Result<()> {
         for told in told {
-            let line = self.track(STATION, &format!("{} line", told.line))?;
-            let track = self.track(line, told.way)?;
+            let track = match told.way {
+                ORDERS => self.track(STATION, &format!("{} orders", told.line))?,
+                way => {
+                    let line = self.track(STATION, &format!("{} line", told.line))?;
+                    self.track(line, way)?
+                }
+            };
             let notes = if told.bytes.is_empty() { Vec::new() } else { vec![self.text("bytes", &told.bytes)] };
             if told.is_telegram {
                 self.slice(track, &told.text, told.begin, told.end, notes);

@@ -22,6 +22,8 @@ pub(super) struct Files {
     keep: usize,
     file: Option<File>,
     written: u64,
+    /// The time in the name of the newest: names that were free again are not used again.
+    newest: u64,
     /// What is wrong has been reported.
     told: bool,
 }
@@ -29,7 +31,7 @@ pub(super) struct Files {
 impl Files {
     pub(super) fn new(folder: PathBuf, trace: &StationTrace, head: Vec<u8>) -> Self {
         let (longest, keep, name) = (trace.size, trace.keep, trace.name.clone());
-        Self { folder, name, head, longest, keep, file: None, written: 0, told: false }
+        Self { folder, name, head, longest, keep, file: None, written: 0, newest: 0, told: false }
     }
 
     /// Writes these bytes, into another file when this one is full. A disk that refuses ends the trace.
@@ -55,7 +57,7 @@ impl Files {
         let file = match &mut self.file {
             Some(file) => file,
             None => {
-                let (head, mut file) = (&self.head, begin(&self.folder, &self.name)?);
+                let (head, mut file) = (&self.head, begin(&self.folder, &self.name, &mut self.newest)?);
                 file.write_all(head)?;
                 self.written = head.len() as u64;
                 remove_old(&self.folder, &self.name, self.keep);
@@ -69,13 +71,13 @@ impl Files {
 }
 
 /// A new file: the name of the trace and the time, so that the names are in order.
-fn begin(folder: &Path, name: &str) -> io::Result<File> {
+fn begin(folder: &Path, name: &str, newest: &mut u64) -> io::Result<File> {
     std::fs::create_dir_all(folder)?;
-    let mut millis = unix_now() / 1_000_000;
     loop {
-        let path = folder.join(format!("{name}-{millis:015}.{ENDING}"));
+        *newest = (*newest + 1).max(unix_now() / 1_000_000);
+        let path = folder.join(format!("{name}-{newest:015}.{ENDING}"));
         match OpenOptions::new().write(true).create_new(true).open(path) {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => millis += 1,
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             outcome => return outcome,
         }
     }

@@ -13,10 +13,14 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use ob1_access::Names;
 use ob1_access::door::Door;
 use ob1_cpu::{RecordingClient, Rows};
+use ob1_ir::Program;
 use ob1_record::{Capture, Clocks, Event, Head, Order, Settings, Taken, Writer};
 use ob1_rt::SideThread;
+use ob1_station_file::finding::{Finding, Level};
+use ob1_station_file::findings::TRACE;
 use ob1_station_file::{Station, StationTrace};
 use ob1_time::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -32,6 +36,8 @@ use stream::{Caller, Stream};
 const LOOK: Duration = Duration::from_millis(5);
 /// Time between two looks at the socket while nothing is.
 const IDLE: Duration = Duration::from_secs(1);
+/// The causes of late scans are known after this time: so long a complete recording waits for them.
+const AFTERMATH: Span = Span::from_millis(300);
 /// What was recorded is in a block, and with whoever writes it, after this time.
 const FLUSH: Span = Span::from_millis(200);
 
@@ -114,6 +120,8 @@ struct Job {
     rows: Rows,
     sink: Sink,
     flushed: Instant,
+    /// Its last part was complete then.
+    complete: Option<Instant>,
 }
 
 struct Recording {
@@ -200,7 +208,7 @@ impl Recording {
             self.happenings.forget();
         }
         let flushed = self.view.clock.time();
-        self.jobs.push(Job { capture: Capture::new(settings), rows, sink, flushed });
+        self.jobs.push(Job { capture: Capture::new(settings), rows, sink, flushed, complete: None });
     }
 
     fn head(&self, order: &Order, settings: &Settings) -> Head {
@@ -231,14 +239,15 @@ impl Recording {
         let bytes = &mut self.bytes;
         self.jobs.retain_mut(|job| {
             let sink = &job.sink;
-            let mut taken = job.capture.take(&mut job.rows, bytes, &|waiting| sink.has_room(waiting));
+            if job.complete.is_none() {
+                let taken = job.capture.take(&mut job.rows, bytes, &|waiting| sink.has_room(waiting));
+                job.complete = (taken == Taken::Complete).then_some(now);
+            }
             for event in &happened {
                 job.capture.event(event.clone(), bytes);
             }
-            if job.rows.is_over() {
-                taken = Taken::Complete;
-            }
-            if taken == Taken::Complete {
+            let over = job.rows.is_over() || job.complete.is_some_and(|complete| now.since(complete) >= AFTERMATH);
+            if over {
                 job.capture.end("complete", now, bytes);
             } else if now.since(job.flushed) >= FLUSH {
                 job.capture.flush(bytes);
@@ -246,7 +255,7 @@ impl Recording {
             }
             let goes_on = job.sink.put(bytes) && !job.sink.is_gone();
             bytes.clear();
-            goes_on && taken == Taken::More
+            goes_on && !over
         });
     }
 
@@ -260,8 +269,22 @@ impl Recording {
     }
 }
 
+/// What is wrong with the traces of a station that has this program.
+pub(crate) fn findings(program: &Program, station: &Station) -> Vec<Finding> {
+    if station.traces.is_empty() {
+        return Vec::new();
+    }
+    let names = Names::new(program);
+    let one = |trace: &StationTrace| {
+        let why = order_of(trace).settle(&names, station.cpu.min_cycle).err()?;
+        let remedy = "docs/record.md has the names of signals and the triggers".to_owned();
+        Some(trace.spot.finding(Level::Error, TRACE, format!("the trace \"{}\": {why}", trace.name), remedy))
+    };
+    station.traces.iter().filter_map(one).collect()
+}
+
 /// A trace of the station file as an order.
-pub(crate) fn order_of(trace: &StationTrace) -> Order {
+fn order_of(trace: &StationTrace) -> Order {
     Order {
         signals: trace.signals.clone(),
         trigger: trace.trigger.clone(),
