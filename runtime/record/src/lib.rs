@@ -9,6 +9,7 @@ mod expression;
 mod file;
 mod head;
 mod order;
+mod replay;
 mod row;
 mod trigger;
 
@@ -18,5 +19,6 @@ pub use expression::Expression;
 pub use file::{Entry, FormatError, MAGIC, Reader, Writer};
 pub use head::{Clocks, Head, Signal, datum, number};
 pub use order::{LONGEST_HISTORY, Order, Settings};
+pub use replay::{Difference, Differences, Pace, Replay, ReplayError, Replayed, Stage};
 pub use row::{Row, Scan};
 pub use trigger::Trigger;
