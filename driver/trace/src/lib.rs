@@ -235,9 +235,7 @@ mod tests {
     /// The notes are those of `driver/cp/src/tap.rs`.
     #[test]
     fn steps_of_an_order() {
-        let step = |text: &str| {
-            order_step(&Record { time: Instant::START, kind: Kind::Note, data: text.as_bytes() })
-        };
+        let step = |text: &str| order_step(&Record { time: Instant::START, kind: Kind::Note, data: text.as_bytes() });
         assert_eq!(step("order of 12 bytes"), Some(OrderStep::Begun));
         assert_eq!(step("order done"), Some(OrderStep::Done));
         assert_eq!(step("order failed, 07h"), Some(OrderStep::Failed));

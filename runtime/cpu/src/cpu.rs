@@ -206,6 +206,12 @@ impl Cpu {
         self.machine.trace.accounts.sums()
     }
 
+    /// When the next cycle is due; interrupts may come before it.
+    #[must_use]
+    pub fn next_due(&self) -> Instant {
+        self.due
+    }
+
     /// The last finished scan.
     #[must_use]
     pub fn last_scan(&self) -> &ScanRecord {

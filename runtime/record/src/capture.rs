@@ -282,9 +282,8 @@ mod tests {
     #[test]
     fn parts_begin_with_their_history() {
         let numbers = |range: std::ops::RangeInclusive<u64>| range.collect::<Vec<u64>>();
-        let taken = |trigger, before, length, repeat| {
-            capture(order(trigger, before, length, repeat), rows(200, 50..60, 120))
-        };
+        let taken =
+            |trigger, before, length, repeat| capture(order(trigger, before, length, repeat), rows(200, 50..60, 120));
         assert_eq!(taken("", 0, 10, 1), (vec![numbers(0..=10)], true));
         assert_eq!(taken("M10.0 rising", 5, 3, 1), (vec![numbers(45..=53)], true));
         assert_eq!(taken("M10.0 falling", 0, 3, 0), (vec![numbers(60..=63)], false));

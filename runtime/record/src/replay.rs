@@ -18,8 +18,6 @@ const TOLD: usize = 3;
 /// When a scan begins, and how long its statements take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pace {
-    /// When it was due: interrupts until then come before it.
-    pub due: Instant,
     /// When it began.
     pub start: Instant,
     /// What a statement takes.
@@ -28,23 +26,33 @@ pub struct Pace {
 
 /// A CPU that a recording is replayed on.
 pub trait Stage {
-    /// Sets a cell; an input as the process would.
+    /// Gives the process an input; the memory has it with the next scan.
+    ///
+    /// # Errors
+    /// There is no such input, in words.
+    fn sense(&mut self, item: &Item, bits: u32) -> Result<(), String>;
+    /// Sets a cell of the memory.
     ///
     /// # Errors
     /// It cannot be set, in words.
     fn set(&mut self, item: &Item, bits: u32) -> Result<(), String>;
     /// The bits of a cell; `None`: it is not there.
     fn get(&mut self, item: &Item) -> Option<u32>;
-    /// Starts the CPU, and runs its first scan then.
+    /// Starts the CPU, so that its first scan can begin then.
     ///
     /// # Errors
     /// It does not go to RUN, in words.
-    fn start(&mut self, pace: Pace) -> Result<(), String>;
-    /// Runs the next scan, and the interrupts before it.
+    fn start(&mut self, at: Instant) -> Result<(), String>;
+    /// Runs the next scan.
     ///
     /// # Errors
-    /// It has gone to STOP, or another scan came first: why, in words.
+    /// It has gone to STOP: why, in words.
     fn scan(&mut self, pace: Pace) -> Result<(), String>;
+    /// Runs the interrupts between two scans that are due until then; timers read now show their time then.
+    ///
+    /// # Errors
+    /// It has gone to STOP: why, in words.
+    fn wait(&mut self, until: Instant) -> Result<(), String>;
 }
 
 /// A value that was another one.
@@ -175,15 +183,17 @@ impl<R: Read> Replay<R> {
                 before = None;
                 continue;
             }
-            let follows = before.as_ref().filter(|before| before.scan.number + 1 == row.scan.number);
+            // After a start-up the scans are counted on, and nothing is known of the last one.
+            let follows = before.as_ref().filter(|before| match before.scan.number {
+                0 => before.point + 1 == row.point,
+                number => number + 1 == row.scan.number,
+            });
             let ran = match follows {
                 Some(before) => {
                     let ran = self.scan(stage, before, &row);
                     replayed.scans += u64::from(ran.is_ok());
                     ran.map(|()| self.compare(stage, &row, &mut counts))
                 }
-                // The memory at a start is what the start makes of it.
-                None if row.scan.number == 0 => Ok(()),
                 None => {
                     replayed.anew += 1;
                     self.begin(stage, &row, &mut replayed.not_set)
@@ -203,13 +213,23 @@ impl<R: Read> Replay<R> {
         Ok(replayed)
     }
 
-    /// The memory is what a row shows.
+    /// The memory is what a row shows: that after a start-up, or after a scan in the middle.
     fn begin(&self, stage: &mut dyn Stage, row: &Row, not_set: &mut Vec<String>) -> Result<(), String> {
-        stage.start(pace(row))?;
+        if row.scan.number == 0 {
+            stage.start(row.time)?;
+        } else {
+            stage.start(row.scan.start)?;
+            stage.scan(pace(row))?;
+            stage.wait(row.time)?;
+        }
         for (at, item) in self.items.iter().enumerate() {
             let Some(bits) = row.bits(at) else { continue };
-            let is_right = stage.get(item) == Some(bits);
-            if !is_right && stage.set(item, bits).is_err() && !not_set.contains(&item.name) {
+            if is_input(item) {
+                stage.sense(item, bits)?;
+            }
+            let is_memory = !matches!(item.cell, Cell::Peripheral(_));
+            let is_right = !is_memory || stage.get(item) == Some(bits) || stage.set(item, bits).is_ok();
+            if !is_right && !not_set.contains(&item.name) {
                 not_set.push(item.name.clone());
             }
         }
@@ -219,15 +239,13 @@ impl<R: Read> Replay<R> {
     /// Runs the scan of a row.
     fn scan(&self, stage: &mut dyn Stage, before: &Row, row: &Row) -> Result<(), String> {
         for (at, item) in self.items.iter().enumerate().filter(|(at, _)| self.driven[*at]) {
-            let seen = if is_input(item) { row } else { before };
-            if let Some(bits) = seen.bits(at) {
-                stage.set(item, bits)?;
+            match is_input(item) {
+                true => row.bits(at).map_or(Ok(()), |bits| stage.sense(item, bits))?,
+                false => before.bits(at).map_or(Ok(()), |bits| stage.set(item, bits))?,
             }
         }
-        match row.scan.number {
-            1 => stage.start(pace(row)),
-            _ => stage.scan(pace(row)),
-        }
+        stage.scan(pace(row))?;
+        stage.wait(row.time)
     }
 
     fn compare(&self, stage: &mut dyn Stage, row: &Row, counts: &mut [(u64, Vec<Difference>)]) {
@@ -247,5 +265,5 @@ impl<R: Read> Replay<R> {
 fn pace(row: &Row) -> Pace {
     let scan = &row.scan;
     let statement = Span::from_nanos(scan.program.nanos().checked_div(scan.statements).unwrap_or(0));
-    Pace { due: scan.start.saturating_sub(scan.lateness), start: scan.start, statement }
+    Pace { start: scan.start, statement }
 }

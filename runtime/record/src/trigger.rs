@@ -38,7 +38,8 @@ impl Trigger {
             (Some("diag"), Some(number), None) => {
                 let digits = number.trim_start_matches("16#").trim_end_matches(['h', 'H']);
                 let event = u16::from_str_radix(digits, 16).ok().filter(|_| digits.len() <= 4);
-                let event = event.ok_or_else(|| format!("\"{number}\" is not the number of an event, such as 4562h"))?;
+                let event =
+                    event.ok_or_else(|| format!("\"{number}\" is not the number of an event, such as 4562h"))?;
                 return Ok(Self::Diagnosis(Some(event)));
             }
             _ => {}

@@ -13,9 +13,9 @@ use ob1_time::Span;
 
 use super::line::Line;
 use crate::EngineChoice;
-use crate::{RetentiveFile, StationTrace};
 use crate::finding::Spot;
 use crate::sources::Sources;
+use crate::{RetentiveFile, StationTrace};
 
 /// Registers of a CP 342-5 in the address space, each way; nothing is in them.
 const DP_MASTER_BYTES: u16 = 16;

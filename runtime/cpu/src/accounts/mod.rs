@@ -13,8 +13,8 @@ mod trace;
 
 pub use figures::{BlockFigures, Figures, ObFigures, ScanStatistics};
 pub use histogram::{Distribution, Histogram};
-pub use record::{Flags, ScanRecord};
 pub(crate) use record::WORDS;
+pub use record::{Flags, ScanRecord};
 pub use recorder::Flight;
 
 use ob1_model::BlockId;

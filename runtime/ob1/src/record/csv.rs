@@ -79,11 +79,8 @@ mod tests {
 
     #[test]
     fn a_line_for_each_row() {
-        let signal = |name: &str, address: &str, ty: &str| Signal {
-            name: name.into(),
-            address: address.into(),
-            ty: ty.into(),
-        };
+        let signal =
+            |name: &str, address: &str, ty: &str| Signal { name: name.into(), address: address.into(), ty: ty.into() };
         let signals = vec![
             signal("Motor", "M1.0", "BOOL"),
             signal("a \"b\", c", "MW2", "INT"),

@@ -16,6 +16,7 @@ use ob1_record::{Entry, Event, FormatError, Order, Reader};
 use ob1_time::Span;
 
 use crate::exit::Exit;
+use crate::testing::replay::test_file;
 use crate::trace::TraceError;
 use ob1_station::access::client::AccessError;
 use sink::Sink;
@@ -30,7 +31,7 @@ use sink::Sink;
     after_help = "Examples:\n  ob1 record press.toml --signals \"Motor,MW10,DB10.level\" --for 10s --out run.pftrace\n  \
     ob1 record press.toml --signals Motor --trigger \"Motor rising\" --before 1s --for 5s --repeat 10 --out motor.ob1trace\n  \
     ob1 record press.toml --trigger late --before 200ms --for 200ms --repeat 0 --out late.pftrace\n  \
-    ob1 record --from motor.ob1trace --out motor.csv\n  ob1 record --from motor.ob1trace\n\n\
+    ob1 record --from motor.ob1trace --out motor.csv\n  ob1 record --from motor.ob1trace --to-test motor.test.toml --program press.toml\n\n\
     Triggers: CONDITION rising, CONDITION falling (\"Motor and DB10.level > 50 rising\"), late, diag, diag 4562h, order-error.\n\n\
     Exit codes: 0 recorded, 1 a signal or trigger is wrong, 2 no station file or recording, 5 the station does not run,\n\
     6 a file cannot be read or written, 8 the station does not answer."
@@ -63,6 +64,12 @@ pub struct RecordArgs {
     /// Write this file: .pftrace, .csv or .ob1trace
     #[arg(long, value_name = "FILE", required_unless_present = "from")]
     pub out: Option<PathBuf>,
+    /// Write a test that replays the recording with a program (docs/testing.md)
+    #[arg(long, value_name = "NAME.test.toml", requires_all = ["from", "program"])]
+    pub to_test: Option<PathBuf>,
+    /// The station file or the source that the test is for
+    #[arg(long, value_name = "FILE", requires = "to_test")]
+    pub program: Option<PathBuf>,
     /// Print nothing
     #[arg(long, short)]
     pub quiet: bool,
@@ -190,6 +197,9 @@ fn run(args: &RecordArgs) -> Result<(), RecordError> {
     let (count, signals, from) = match (&args.station, &args.from) {
         (_, Some(path)) => {
             let (count, signals) = read(path, args.out.as_deref())?;
+            if let (Some(test), Some(program)) = (&args.to_test, &args.program) {
+                write_test(path, program, test)?;
+            }
             (count, signals, path.display().to_string())
         }
         (Some(station), None) => {
@@ -203,6 +213,16 @@ fn run(args: &RecordArgs) -> Result<(), RecordError> {
         says!("{from}: {}\n", count.text(signals));
     }
     Ok(())
+}
+
+/// Writes a test beside which, or below which, the recording and the program lie.
+fn write_test(recording: &Path, program: &Path, test: &Path) -> Result<(), RecordError> {
+    let file = |path: &Path, error| RecordError::File { path: path.to_owned(), error };
+    let whole = |path: &Path| path.canonicalize().map_err(|error| file(path, error));
+    let folder = test.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = recording.file_stem().unwrap_or_default().to_string_lossy();
+    let text = test_file(&whole(recording)?, &whole(program)?, &whole(folder)?, &name);
+    ob1_files::write(test, text.as_bytes()).map_err(|error| file(test, error))
 }
 
 /// Reads a recording, and writes it in another form.

@@ -17,8 +17,8 @@ use prost::Message as _;
 use super::lines::{Lines, ORDERS, Told};
 use super::proto::{
     BEGIN, BOOTTIME, BY_RANK, CLEARED, COUNTER, Clock, ClockSnapshot, CounterDescriptor, DebugAnnotation, END, INSTANT,
-    InternedData, InternedName, MONOTONIC, NEEDS, ProcessDescriptor, REALTIME, Trace, TracePacket,
-    TracePacketDefaults, TrackDescriptor, TrackEvent,
+    InternedData, InternedName, MONOTONIC, NEEDS, ProcessDescriptor, REALTIME, Trace, TracePacket, TracePacketDefaults,
+    TrackDescriptor, TrackEvent,
 };
 
 /// The only sequence.

@@ -40,7 +40,8 @@ fn entry(signals: usize) -> impl Strategy<Value = Entry> {
     });
     let event = (any::<u64>(), ".{0,20}")
         .prop_map(|(time_ns, text)| Entry::Event(Event::Diagnosis { time_ns, number: "4562h".into(), text }));
-    let line = (any::<u8>(), prop::collection::vec(any::<u8>(), 0..40)).prop_map(|(tap, bytes)| Entry::Line(tap, bytes));
+    let line =
+        (any::<u8>(), prop::collection::vec(any::<u8>(), 0..40)).prop_map(|(tap, bytes)| Entry::Line(tap, bytes));
     prop_oneof![4 => row, 2 => run, 1 => event, 1 => line]
 }
 

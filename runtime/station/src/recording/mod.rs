@@ -164,7 +164,8 @@ impl Recording {
                 return;
             }
             // Others may have removed the runtime directory.
-            if !busy && std::fs::symlink_metadata(socket).is_err()
+            if !busy
+                && std::fs::symlink_metadata(socket).is_err()
                 && let Ok(again) = bind(socket)
             {
                 listener = again;
