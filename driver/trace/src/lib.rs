@@ -172,6 +172,32 @@ pub fn remark(record: &Record<'_>) -> Option<String> {
     }
 }
 
+/// What a note of a CP says about the order it has under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OrderStep {
+    /// It has got a whole order.
+    Begun,
+    /// It has ended without an error.
+    Done,
+    /// It has failed, or was refused.
+    Failed,
+}
+
+/// What a note says about an order of the CPU, if it does; those of a partner are another matter.
+#[must_use]
+pub fn order_step(record: &Record<'_>) -> Option<OrderStep> {
+    let text = std::str::from_utf8(record.data).ok().filter(|_| record.kind == Kind::Note)?;
+    match text {
+        "order done" => Some(OrderStep::Done),
+        text if text.starts_with("order of the partner") => None,
+        text if text.starts_with("order of ") => Some(OrderStep::Begun),
+        text if ["order failed", "order refused", "job ended with STATUS"].iter().any(|end| text.starts_with(end)) => {
+            Some(OrderStep::Failed)
+        }
+        _ => None,
+    }
+}
+
 /// The bytes of a unit to show: user data, or the raw characters if `raw` is set or there are no user data. For a
 /// control character its name is enough.
 #[must_use]
@@ -204,6 +230,17 @@ mod tests {
         for wrong in [&b"{"[..], b"{}", br#"{"name":"cp","parameters":[1,2]}"#, br#"{"name":7}"#] {
             assert!(Cp::of_hello(wrong).is_none());
         }
+    }
+
+    /// The notes are those of `driver/cp/src/tap.rs`.
+    #[test]
+    fn steps_of_an_order() {
+        let step = |text: &str| order_step(&Record { time: Instant::START, kind: Kind::Note, data: text.as_bytes() });
+        assert_eq!(step("order of 12 bytes"), Some(OrderStep::Begun));
+        assert_eq!(step("order done"), Some(OrderStep::Done));
+        assert_eq!(step("order failed, 07h"), Some(OrderStep::Failed));
+        assert_eq!(step("job ended with STATUS 0703h: no answer"), Some(OrderStep::Failed));
+        assert_eq!((step("order of the partner done"), step("start-up 1")), (None, None));
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
     AccessClient, Accounts, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot, ModuleStatus,
-    OperatingState, ScanPosition, ScanRecord, ScanStatistics, ShortText, Sums, Width, Window,
+    OperatingState, RecordingClient, ScanPosition, ScanRecord, ScanStatistics, ShortText, Sums, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -85,6 +85,11 @@ impl Cpu {
     /// [`crate::LINKS`].
     pub fn link(&mut self, window: Box<dyn Window>) -> Option<Link> {
         self.exchange.link(window)
+    }
+
+    /// Begins recordings; there is one.
+    pub fn recording_client(&mut self) -> Option<RecordingClient> {
+        self.exchange.recordings.client()
     }
 
     /// The reading end of the log; there is one.
@@ -199,6 +204,12 @@ impl Cpu {
     #[must_use]
     pub fn sums(&self) -> Sums {
         self.machine.trace.accounts.sums()
+    }
+
+    /// When the next cycle is due; interrupts may come before it.
+    #[must_use]
+    pub fn next_due(&self) -> Instant {
+        self.due
     }
 
     /// The last finished scan.

@@ -10,6 +10,7 @@ use crate::engine::{Callee, Entry};
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
 use crate::native;
+use crate::recording::ObRun;
 use crate::scan_position::Packed;
 use crate::services::period_word;
 use crate::{Abort, Family, ObInfo};
@@ -134,6 +135,7 @@ impl Context<'_> {
         machine.inside = outer_inside + if synchronous { inside } else { whole };
         let own = whole.saturating_sub(inside);
         machine.trace.ob_ran(info.number, own);
+        self.exchange.recordings.ob_ran(ObRun { ob: info.number, began, whole, own });
         if let Some(record) = machine.obs.of(info.number) {
             record.ran(own, whole);
         }

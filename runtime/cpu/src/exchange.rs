@@ -17,11 +17,12 @@ use crate::holding::DebugJob;
 use crate::machine::Machine;
 use crate::orders::{Group, Listing, TooMuch};
 use crate::points::PointJob;
+use crate::recording::Recordings;
 use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
 
 /// Most links of a CPU.
-pub const LINKS: usize = 8;
+pub const LINKS: usize = 9;
 
 /// Orders and groups of one link that can be under way.
 const RING: usize = 32;
@@ -66,7 +67,7 @@ struct Copied {
 }
 
 impl Watch {
-    fn new(generation: u64, frame: &Frame) -> Self {
+    pub(crate) fn new(generation: u64, frame: &Frame) -> Self {
         let (mut steps, mut copies) = (Vec::with_capacity(frame.runs().len()), Vec::new());
         for run in frame.runs() {
             let pieces = frame.pieces().get(run.first..run.end).unwrap_or_default();
@@ -95,7 +96,7 @@ impl Watch {
 
     /// Fills the words of a window; a data block is found by its number, because it may have been made or deleted
     /// since.
-    fn fill(&self, m: &mut Machine, words: &[AtomicU64]) {
+    pub(crate) fn fill(&self, m: &mut Machine, words: &[AtomicU64]) {
         let put = |at: usize, word: u64| {
             if let Some(cell) = words.get(at) {
                 cell.store(word, Ordering::Relaxed);
@@ -336,6 +337,7 @@ pub(crate) struct Exchange {
     scan: u64,
     /// The link whose groups come first this time.
     first: usize,
+    pub(crate) recordings: Recordings,
 }
 
 impl Exchange {
@@ -355,7 +357,7 @@ impl Exchange {
     /// Whether there is anything to do for a link at this cycle control point.
     pub(crate) fn is_idle(&self) -> bool {
         let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.steps.is_empty());
-        self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
+        self.recordings.is_idle() && self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
     }
 
     /// The cycle control point: writes, then the snapshots, then the answers.
@@ -367,6 +369,7 @@ impl Exchange {
             end.snapshot(m, self.scan, state);
             end.answers(self.scan);
         }
+        self.recordings.control_point(m, self.scan, state);
     }
 
     /// A job of this link has ended.

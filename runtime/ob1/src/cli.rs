@@ -21,6 +21,7 @@ use crate::list::{self, ListArgs};
 use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
 use crate::print::{self, PrintArgs};
+use crate::record::{self, RecordArgs};
 use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
 use crate::shadow::{self, ShadowArgs};
@@ -54,6 +55,7 @@ Examples:
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
   ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
+  ob1 record press.toml --signals Motor,MW10 --for 10s --out run.pftrace   every scan, for Perfetto
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
 
@@ -111,6 +113,7 @@ enum Command {
     Why(WhyArgs),
     Debug(DebugArgs),
     Trace(TraceArgs),
+    Record(RecordArgs),
     Top(TopArgs),
     Soak(Box<SoakArgs>),
     /// Sets the outputs of a runtime that dies to their safe state, and cleans up after it; started by `run`.
@@ -256,6 +259,7 @@ impl Command {
             Command::Why(args) => why::why(&args),
             Command::Debug(args) => debug::debug(&args),
             Command::Trace(args) => trace::trace(&args),
+            Command::Record(args) => record::record(&args),
             Command::Top(args) => top::top(&args),
             Command::Soak(args) => return soak::soak(&args).into(),
             Command::Guardian { stopped_ms, silent_ms, rundir, published } => {

@@ -18,7 +18,8 @@ Exit codes:
   12  the station stood still for too long; its guardian has set the outputs to their safe state
   13  a plugin has called exit(); outputs are off
   14  the runtime has crashed, in a block in C or a library; outputs are off
-  exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
+  exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault,
+  15 a replay has other values.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   import, upload: 0 the whole program came over, 1 blocks were left out or the station does not start
   yet, 2 nothing could be read or written.
@@ -40,6 +41,8 @@ pub enum ExecExit {
     Rejected,
     /// A fault stopped the CPU.
     Fault,
+    /// A value of a replay is another one than was recorded.
+    Differs,
     /// What any command can end with: a wrong command line, a file that cannot be written.
     Other(Exit),
 }
@@ -53,6 +56,7 @@ impl ExecExit {
             ExecExit::Limit => 3,
             ExecExit::Rejected => 10,
             ExecExit::Fault => 11,
+            ExecExit::Differs => 15,
             ExecExit::Other(exit) => exit as u8,
         }
     }
@@ -65,6 +69,7 @@ impl ExecExit {
             ExecExit::Limit => "limit",
             ExecExit::Rejected => "rejected",
             ExecExit::Fault => "fault",
+            ExecExit::Differs => "differs",
             ExecExit::Other(_) => "other",
         }
     }

@@ -25,6 +25,7 @@ mod live_text;
 pub mod load;
 pub mod new;
 pub mod print;
+pub mod record;
 pub mod remote;
 pub mod restart;
 pub mod shadow;

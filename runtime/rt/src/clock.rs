@@ -26,6 +26,15 @@ impl MonotonicClock {
         Instant::START + monotonic().since(self.origin)
     }
 
+    /// What CLOCK_MONOTONIC and CLOCK_BOOTTIME showed when this clock showed 0.
+    #[must_use]
+    pub fn at_zero(&self) -> [Instant; 2] {
+        let now = self.time();
+        let boot = clock_gettime(ClockId::Boottime);
+        let boot = Instant::from_secs(boot.tv_sec as u64).saturating_add(Span::from_nanos(boot.tv_nsec as u64));
+        [self.origin, boot.saturating_sub(now.since_start())]
+    }
+
     /// Sleeps until this clock shows `deadline`; returns at once when that is past. The deadline is absolute, so a late
     /// wake-up does not move the next one, and a signal in between only makes it sleep on.
     pub fn sleep_until(&self, deadline: Instant) {

@@ -13,7 +13,7 @@ use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Plugin, Realtime, Station};
 use super::values::{choice, name, number, place, places, time};
-use super::{connection, interrupts, link, modules, retentive, simulated};
+use super::{connection, interrupts, link, modules, retentive, simulated, traces};
 use crate::EngineChoice;
 use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
@@ -36,7 +36,8 @@ pub(super) fn check(
     let mut links =
         link::links(f, &file.link, file.station.name.get_ref(), folder, &retentive::folder_of(&file.station, folder));
     connection::connections(f, &file.connection, &file.module, &modules, &mut links);
-    let downloads = retentive::downloads(f, retentive.is_some(), &links, &file.station, folder);
+    let keeps = retentive.is_some() || !file.trace.is_empty();
+    let downloads = retentive::downloads(f, keeps, &links, &file.station, folder);
     let mut library = standard(f, &file.program.libraries, &file.library);
     if cpu.family == Family::S7_400 {
         library.extend(library::of_s7_400(&library));
@@ -64,6 +65,7 @@ pub(super) fn check(
         modules,
         buses,
         links,
+        traces: traces::traces(f, &file.trace),
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| place(f, s, folder)),
         alarms: file.program.alarms.as_ref().map(|table| place(f, table, folder)),

@@ -129,7 +129,7 @@ impl Text<'_> {
 }
 
 /// A place in a file, with the line that it shows: for a finding that may come after the file has been read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Spot {
     file: String,
     line: u32,

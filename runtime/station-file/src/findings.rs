@@ -50,6 +50,8 @@ pub const NO_EFFECT: &str = "C020";
 pub const UNKNOWN_NAME: &str = "C021";
 /// A table of alarm texts with a mistake.
 pub const ALARM_TEXTS: &str = "C022";
+/// A trace with a signal or a trigger that does not exist.
+pub const TRACE: &str = "C023";
 
 /// The finding about a file that cannot be read, at the place that names it.
 #[must_use]

@@ -32,6 +32,7 @@ mod retentive;
 mod simulated;
 pub mod sources;
 mod tables;
+mod traces;
 mod types;
 mod values;
 
@@ -42,6 +43,7 @@ pub use duration::parse_duration;
 pub use engine::EngineChoice;
 pub use line::{Line, LineError};
 pub use retentive::RetentiveFile;
+pub use traces::StationTrace;
 pub use types::*;
 pub use values::{NAME_RULE, choice, is_name, places};
 

@@ -75,7 +75,7 @@ pub(super) fn retentive(
 /// Where downloads are kept, where a link may change the program.
 pub(super) fn downloads(
     f: &mut Findings<'_>,
-    has_retentive: bool,
+    keeps: bool,
     links: &[StationLink],
     station: &StationTable,
     folder: &Path,
@@ -84,12 +84,12 @@ pub(super) fn downloads(
     let downloads = links.iter().any(may).then(|| folder_of(station, folder));
     // Certificates, audit logs, values that wait.
     let gate = links.iter().any(|link| link.kind.shares_its_process());
-    if let (Some(state), None, false) = (&station.state, &downloads, has_retentive || gate) {
+    if let (Some(state), None, false) = (&station.state, &downloads, keeps || gate) {
         f.error(
             CONTRADICTION,
             state.span(),
             "`state` is not needed: this station keeps nothing",
-            "add [retentive], an S7 link with rights = \"operate\" or a link of the gate, or leave `state` out",
+            "add [retentive], [[trace]], an S7 link with rights = \"operate\" or a link of the gate, or leave `state` out",
         );
     }
     downloads

@@ -34,7 +34,25 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) connection: Vec<ConnectionTable>,
     #[serde(default)]
+    pub(super) trace: Vec<TraceTable>,
+    #[serde(default)]
     pub(super) process_io: ProcessIoTable,
+}
+
+/// What the station records by itself.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TraceTable {
+    pub(super) name: Placed<String>,
+    #[serde(default)]
+    pub(super) signals: Vec<Placed<String>>,
+    pub(super) trigger: Option<Placed<String>>,
+    pub(super) before: Option<Placed<String>>,
+    #[serde(rename = "for")]
+    pub(super) length: Option<Placed<String>>,
+    pub(super) repeat: Option<Placed<i64>>,
+    pub(super) size: Option<Placed<i64>>,
+    pub(super) keep: Option<Placed<i64>>,
 }
 
 #[derive(Debug, Deserialize)]

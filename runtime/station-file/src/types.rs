@@ -13,9 +13,9 @@ use ob1_time::Span;
 
 use super::line::Line;
 use crate::EngineChoice;
-use crate::RetentiveFile;
 use crate::finding::Spot;
 use crate::sources::Sources;
+use crate::{RetentiveFile, StationTrace};
 
 /// Registers of a CP 342-5 in the address space, each way; nothing is in them.
 const DP_MASTER_BYTES: u16 = 16;
@@ -52,6 +52,8 @@ pub struct Station {
     pub simulated_lines: Vec<SimulatedLine>,
     /// Links into the CPU, in the order of the file.
     pub links: Vec<StationLink>,
+    /// What it records by itself, in the order of the file.
+    pub traces: Vec<StationTrace>,
     /// A file of timed process inputs, and the place that names it.
     pub stimulus: Option<(PathBuf, Spot)>,
     /// The table of alarm texts, and the place that names it.

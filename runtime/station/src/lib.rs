@@ -31,6 +31,7 @@ pub mod numbers;
 pub mod posture;
 pub mod program;
 mod reason;
+mod recording;
 pub mod retentive;
 pub mod run;
 pub mod rundir;

@@ -19,7 +19,7 @@ use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::exit::Exit;
-use crate::{area_check, drivers, handling_check, missing_blocks, numbers, retentive, whole_library};
+use crate::{area_check, drivers, handling_check, missing_blocks, numbers, recording, retentive, whole_library};
 use ob1_station_file::finding::{Finding, Level, Spot};
 use ob1_station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use ob1_station_file::library::{self, Choice};
@@ -90,6 +90,10 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let handling = handling_check::blocks_of(&plugins);
     compiled.findings.extend(handling_check::findings(&compiled.program, &handling, station));
     compiled.findings.extend(area_check::findings(&compiled.program, station));
+    let wrong = recording::findings(&compiled.program, station);
+    if !wrong.is_empty() {
+        return Err(LoadFailure::Rejected(wrong));
+    }
     if let Some(file) = &station.retentive {
         compiled.findings.extend(retentive::not_kept(&compiled.program, file));
     }

@@ -21,6 +21,8 @@ use rustix::process::{Pid, test_kill_process};
 const INSTALLED: &str = "/run/ob1";
 /// Name of the control socket in the directory.
 pub const SOCKET: &str = "control.sock";
+/// Name of the socket for recordings.
+pub const RECORD: &str = "record.sock";
 /// Name of the process I/O image.
 pub const IO: &str = "io";
 const PID: &str = "pid";

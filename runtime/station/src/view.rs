@@ -216,6 +216,11 @@ impl StationView {
         unix_now().saturating_sub(self.clock.time().since(time).nanos())
     }
 
+    /// What an entry of a CP's buffer says, in words.
+    pub(crate) fn cp_text(&self, module: &ModuleView, entry: BufferEntry) -> String {
+        self.cp_entry(entry, module.cp.is_some_and(|cp| cp.row().has_channels)).text
+    }
+
     /// An entry of a CP; `is_own`: of its own buffer. In ob1's list are also the codes with which orders have ended.
     fn cp_entry(&self, entry: BufferEntry, is_own: bool) -> CpEntry {
         let unix_ns = self.unix_at(Instant::from_millis(entry.time_ms));

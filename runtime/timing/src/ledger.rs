@@ -44,6 +44,11 @@ impl Ledger {
         }
     }
 
+    /// Of those that are kept the ones after this scan.
+    pub(super) fn after(&self, scan: u64) -> Vec<LateEntry> {
+        self.newest.iter().filter(|entry| entry.scan > scan).cloned().collect()
+    }
+
     /// Why the scan was late in which the watchdog expired at this time, if that has been explained.
     pub(super) fn watchdog(&self, expired: Instant) -> Option<&LateEntry> {
         self.watchdogs.iter().rev().find(|entry| {

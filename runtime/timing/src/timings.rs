@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 
 use super::cause::Class;
 use super::ledger::Ledger;
-use super::snapshot::{self, FlightDump, Recorder, Spread, TIMING_SCHEMA, Timing};
+use super::snapshot::{self, FlightDump, LateEntry, Recorder, Spread, TIMING_SCHEMA, Timing};
 use super::text;
 
 /// What is known of the timing of a running station. Copies share it.
@@ -100,6 +100,12 @@ impl Timings {
             newest: dump(&state.newest),
             now: FlightDump::new(&Flight { scans: self.accounts.flight() }),
         }
+    }
+
+    /// The late scans after this one, as far as they are kept and explained.
+    #[must_use]
+    pub fn late_after(&self, scan: u64) -> Vec<LateEntry> {
+        self.state.lock().ledger.after(scan)
     }
 
     /// Why the scan was late in which the watchdog expired at this time; known a tenth of a second later.

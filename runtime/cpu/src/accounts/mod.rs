@@ -13,6 +13,7 @@ mod trace;
 
 pub use figures::{BlockFigures, Figures, ObFigures, ScanStatistics};
 pub use histogram::{Distribution, Histogram};
+pub(crate) use record::WORDS;
 pub use record::{Flags, ScanRecord};
 pub use recorder::Flight;
 

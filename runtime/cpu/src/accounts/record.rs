@@ -71,7 +71,7 @@ pub struct ScanRecord {
 }
 
 /// Words of a record in the recorder.
-pub(super) const WORDS: usize = 19;
+pub(crate) const WORDS: usize = 19;
 
 impl ScanRecord {
     /// From the deadline to the start.
@@ -87,7 +87,7 @@ impl ScanRecord {
     }
 
     #[inline]
-    pub(super) fn to_words(self) -> [u64; WORDS] {
+    pub(crate) fn to_words(self) -> [u64; WORDS] {
         let flags = self.flags;
         let bits = [flags.began_late, flags.took_long, flags.overran, flags.watchdog];
         let flags = bits.iter().enumerate().fold(0, |word, (bit, set)| word | u64::from(*set) << bit);
@@ -114,7 +114,7 @@ impl ScanRecord {
         ]
     }
 
-    pub(super) fn from_words(words: &[u64; WORDS]) -> Self {
+    pub(crate) fn from_words(words: &[u64; WORDS]) -> Self {
         let bit = |n: u32| words[18] >> n & 1 == 1;
         Self {
             scan: words[0],

@@ -17,10 +17,10 @@ use ob1_time::Span;
 /// least --min-cycle, and nothing waits, so the same sources give the same result on any machine.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  ob1 exec press.awl --symbols press.sdf --limit 10s --dump M:0:100:m.bin\n  \
-    ob1 exec main.awl lib.awl --mnemonics en --stats run.json\n\n\
+    ob1 exec main.awl lib.awl --mnemonics en --stats run.json\n  ob1 exec press.awl --replay fault.ob1trace\n\n\
     Exit codes:\n  0   the program stopped the CPU itself (SFC 46)\n  3   the limit was reached\n  10  a source or symbol table was \
     rejected\n  11  a fault stopped the CPU: the diagnostic entries are on stderr, newest first\n  1   wrong command line\n  \
-    6   a file cannot be written\nDumps and figures are written with exit codes 0, 3 and 11. docs/exec.md")]
+    6   a file cannot be written\n  15  --replay: a value differs from the recorded one\nDumps and figures are written with exit codes 0, 3 and 11. docs/exec.md")]
 pub struct ExecArgs {
     /// Sources and symbol tables, or folders of them
     #[arg(required = true, value_name = "PROG.awl")]
@@ -89,6 +89,12 @@ pub struct ExecArgs {
     /// Write the figures of the run there as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
+    /// Replay this recording: its inputs come again at their scans, and every other signal is compared (docs/record.md)
+    #[arg(long, value_name = "FILE.ob1trace", conflicts_with_all = ["real_time", "dump", "stats", "limit", "min_cycle"])]
+    pub replay: Option<PathBuf>,
+    /// Signals of the recording that others than the program have written: they are set, not compared
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "replay")]
+    pub drive: Vec<String>,
     /// Print no warnings of the sources; errors, faults and the line about the limit are still printed
     #[arg(long, short)]
     pub quiet: bool,

@@ -10,6 +10,7 @@ mod dump;
 mod engines;
 mod stats;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingState};
@@ -22,12 +23,13 @@ pub use dump::{Dump, DumpArea};
 pub use stats::{STATS_SCHEMA, Stats};
 
 use crate::exit::{ExecExit, Exit};
+use crate::testing::replay::{Recorded, replay_program, told};
 use clock::{ExecClock, WallTime};
 use engines::Engines;
 use ob1_station::compiling::Request;
 use ob1_station::known::Places;
 use ob1_station::missing_blocks::Unserved;
-use ob1_station::program;
+use ob1_station::program::{self, Loaded};
 use ob1_station_file::EngineChoice;
 use ob1_station_file::finding::Finding;
 use ob1_station_file::library::Choice;
@@ -59,6 +61,9 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let usage = |text| (ExecExit::Other(Exit::Usage), format!("ob1: {text}\n"));
     args.check().map_err(usage)?;
     let standard = args.standard().map_err(usage)?;
+    if let Some(path) = &args.replay {
+        return replay(args, path, &standard);
+    }
     let (program, standard) = compile(args, &standard)?;
     let (mut cpu, request) = load(args, &standard, &program)?;
     for dump in &args.dump {
@@ -99,7 +104,32 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     Ok(exit)
 }
 
+/// Replays a recording with the sources.
+fn replay(args: &ExecArgs, path: &Path, standard: &[Choice]) -> Result<ExecExit, Failure> {
+    let loaded = Loaded::new(compiled(args, standard)?, Vec::new(), standard);
+    let recorded = Recorded { path: path.to_owned(), drive: args.drive.clone(), compare: None };
+    let ran = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || replay_program(config(args), &loaded, &recorded));
+    let ran = ran.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;
+    let replayed = ran.map_err(|why| (ExecExit::Rejected, format!("ob1: {why}\n")))?;
+    let differences = told(&replayed);
+    if differences.is_empty() {
+        if !args.quiet {
+            note!("ob1: {} scans replayed: every value is as recorded", replayed.scans);
+        }
+        return Ok(ExecExit::Stopped);
+    }
+    let lines: String = differences.iter().map(|line| format!("ob1: {line}\n")).collect();
+    errs!("{lines}ob1: {} scans replayed, {} signals differ\n", replayed.scans, replayed.differences.len());
+    Ok(ExecExit::Differs)
+}
+
 fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<(Program, Vec<Choice>), Failure> {
+    let compiled = compiled(args, standard)?;
+    let standard = program::in_use(&compiled.program, standard, &compiled.demanded);
+    Ok((compiled.program, standard))
+}
+
+fn compiled(args: &ExecArgs, standard: &[Choice]) -> Result<program::Compiled, Failure> {
     let library = program::library(&[], standard).map_err(|findings| rejected(&findings))?;
     let sources = Sources {
         files: args.files.clone(),
@@ -116,13 +146,22 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<(Program, Vec<Choice>
     for finding in findings.filter(|finding| !args.quiet || finding.code == program::NO_OB1) {
         err!("{finding}");
     }
-    let standard = program::in_use(&compiled.program, standard, &compiled.demanded);
-    Ok((compiled.program, standard))
+    Ok(compiled)
 }
 
 /// The CPU, and what is to be compiled in a process of its own.
 fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu, Option<Request>), Failure> {
-    let config = CpuConfig {
+    let config = config(args);
+    let natives = program::native_standard_blocks(standard);
+    let request =
+        (args.engine == EngineChoice::Auto).then(|| Request::new(&config, Arc::new(program.clone()), &natives));
+    let cpu = Cpu::new(config, program, natives, Vec::new(), ob1_station::engine::factory(args.engine));
+    let cpu = cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))?;
+    Ok((cpu, request))
+}
+
+fn config(args: &ExecArgs) -> CpuConfig {
+    CpuConfig {
         input_bytes: args.inputs,
         output_bytes: args.outputs,
         memory_bytes: args.bit_memory,
@@ -137,13 +176,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu,
         // Virtual time begins at a fixed date: the same run gives the same start information.
         date_at_start: if args.real_time { ob1_station::wall_clock::date_now() } else { 0 },
         ..CpuConfig::default()
-    };
-    let natives = program::native_standard_blocks(standard);
-    let request =
-        (args.engine == EngineChoice::Auto).then(|| Request::new(&config, Arc::new(program.clone()), &natives));
-    let cpu = Cpu::new(config, program, natives, Vec::new(), ob1_station::engine::factory(args.engine));
-    let cpu = cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))?;
-    Ok((cpu, request))
+    }
 }
 
 /// Cycles until the end.

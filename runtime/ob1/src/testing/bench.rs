@@ -9,6 +9,8 @@ use ob1_model::Area;
 use super::cells::Set;
 use crate::check::dummy;
 use crate::virtual_clock::VirtualClock;
+use ob1_access::Item;
+use ob1_record::{Pace, Stage};
 use ob1_station::assembly;
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::program::{LoadFailure, Loaded};
@@ -50,6 +52,8 @@ pub(crate) fn bare_modules() -> Vec<ModuleConfig> {
 struct BenchClock {
     time: VirtualClock,
     scan: u64,
+    /// What each statement takes in a replay.
+    price: Option<Span>,
     attention: Attention,
 }
 
@@ -61,13 +65,19 @@ impl Clock for BenchClock {
     fn executed(&mut self, statements: u64) {
         let before = self.scan;
         self.scan = before.saturating_add(statements);
-        self.time.executed(self.scan.saturating_sub(before.max(FREE)));
+        match self.price {
+            Some(price) => self.time.advance_to(self.time.time().saturating_add(price.times(statements))),
+            None => self.time.executed(self.scan.saturating_sub(before.max(FREE))),
+        }
         if self.scan > GIVE_UP {
             self.attention.halt();
         }
     }
 
     fn statements_in(&self, time: Span) -> Option<u64> {
+        if let Some(price) = self.price {
+            return Some(if price.is_zero() { u64::MAX } else { time.div_ceil(price) });
+        }
         let free = FREE.saturating_sub(self.scan);
         Some(self.time.statements_in(time)?.saturating_add(free))
     }
@@ -88,7 +98,7 @@ pub(crate) struct Bench {
     /// Bytes of them that modules cover.
     inputs: Vec<std::ops::Range<u32>>,
     /// When the next scan or interrupt is due.
-    due: Instant,
+    pub(super) due: Instant,
     /// The time the test has reached: that of the last scan, or what `run` was to reach.
     pub(crate) now: Instant,
     pub(crate) scans: u64,
@@ -111,7 +121,8 @@ impl Bench {
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
         let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)
             .map_err(of_load)?;
-        let clock = BenchClock { time: VirtualClock::new(PER_STATEMENT), scan: 0, attention: cpu.attention() };
+        let clock =
+            BenchClock { time: VirtualClock::new(PER_STATEMENT), scan: 0, price: None, attention: cpu.attention() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {
                 Some(m.input_address..m.input_address + u32::from(m.input_bytes()))
@@ -138,7 +149,7 @@ impl Bench {
     }
 
     /// What is due next: a scan (true), or interrupts by time alone.
-    fn cycle(&mut self) -> bool {
+    pub(super) fn cycle(&mut self) -> bool {
         self.clock.scan = 0;
         self.clock.time.advance_to(self.due);
         self.now = self.now.max(self.clock.time.time());
@@ -178,11 +189,7 @@ impl Bench {
 
     /// Writes a cell. Inputs go to the module that has them, as the process would, else to the process image.
     pub(super) fn set(&mut self, set: &Set) -> Result<(), String> {
-        let bit = match set.item.cell {
-            Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => Some(bit),
-            _ => None,
-        };
-        if let Some(bit) = bit.filter(|bit| self.inputs.iter().any(|bytes| bytes.contains(&(bit / 8)))) {
+        if let Some(bit) = self.module_input(set) {
             self.set_input(bit, set);
         } else if matches!(set.item.cell, Cell::Peripheral(_)) {
             return Err(format!("{}: no process input has this address", set.item.name));
@@ -192,6 +199,15 @@ impl Bench {
         }
         let written = self.cpu.write(set.item.cell, set.item.width, set.value);
         written.map_err(|error| format!("{}: {}", set.item.name, error))
+    }
+
+    /// The bit address of an input that a module has.
+    fn module_input(&self, set: &Set) -> Option<u32> {
+        let bit = match set.item.cell {
+            Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => bit,
+            _ => return None,
+        };
+        self.inputs.iter().any(|bytes| bytes.contains(&(bit / 8))).then_some(bit)
     }
 
     fn set_input(&mut self, bit: u32, set: &Set) {
@@ -214,9 +230,75 @@ impl Bench {
         }
     }
 
+    /// From here on each statement takes so long; `None`: only very many take any time.
+    pub(super) fn charge(&mut self, price: Option<Span>) {
+        self.clock.price = price;
+    }
+
+    /// It runs, or what led to STOP, newest first.
+    fn in_run(&self) -> Result<(), String> {
+        if self.state() == OperatingState::Run {
+            return Ok(());
+        }
+        let entries: Vec<String> = self.cpu.diagnostics().take(2).map(ToString::to_string).collect();
+        Err(format!("the CPU is in STOP; {}", entries.join("; ")))
+    }
+
     /// The process side of the I/O image: reads outputs, sets inputs.
     pub(crate) fn field(&self) -> IoField {
         self.field.clone()
+    }
+}
+
+impl Stage for Bench {
+    fn sense(&mut self, item: &Item, bits: u32) -> Result<(), String> {
+        let set = Set { item: item.clone(), value: bits };
+        match self.module_input(&set) {
+            Some(bit) => self.set_input(bit, &set),
+            // Without a module the memory is the process.
+            None => self.set(&set)?,
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, item: &Item, bits: u32) -> Result<(), String> {
+        self.cpu.write(item.cell, item.width, bits).map_err(|error| format!("{}: {error}", item.name))
+    }
+
+    fn get(&mut self, item: &Item) -> Option<u32> {
+        self.cpu.read(item.cell, item.width).ok()
+    }
+
+    fn start(&mut self, at: Instant) -> Result<(), String> {
+        self.clock.price = Some(Span::ZERO);
+        self.clock.time.advance_to(at);
+        // What runs already is ended: a start follows.
+        self.cpu.request(Command::Stop);
+        self.cpu.change_state(&mut self.clock);
+        self.cpu.request(Command::Warm);
+        self.cpu.change_state(&mut self.clock);
+        self.due = at;
+        self.in_run()
+    }
+
+    fn scan(&mut self, pace: Pace) -> Result<(), String> {
+        self.clock.price = Some(pace.statement);
+        loop {
+            self.due = pace.start;
+            if self.cycle() {
+                break;
+            }
+        }
+        self.in_run()
+    }
+
+    fn wait(&mut self, until: Instant) -> Result<(), String> {
+        while self.due < until.min(self.cpu.next_due()) {
+            self.cycle();
+        }
+        self.clock.time.advance_to(until);
+        self.cpu.change_state(&mut self.clock);
+        self.in_run()
     }
 }
 

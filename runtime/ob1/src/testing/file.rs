@@ -38,6 +38,10 @@ pub(super) struct TestTable {
     pub(super) with: BTreeMap<Placed<String>, Placed<String>>,
     #[serde(default)]
     pub(super) inputs: Cells,
+    pub(super) replay: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) drive: Vec<Placed<String>>,
+    pub(super) compare: Option<Vec<String>>,
     #[serde(default)]
     pub(super) step: Vec<Placed<StepTable>>,
 }

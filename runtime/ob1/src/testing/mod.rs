@@ -6,6 +6,7 @@ mod file;
 mod find;
 mod harness;
 mod plan;
+pub(crate) mod replay;
 mod report;
 mod run;
 

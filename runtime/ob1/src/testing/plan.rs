@@ -7,6 +7,7 @@ use ob1_cpu::{Command, OperatingState};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
+use super::replay::Recorded;
 use ob1_station_file::finding::{Finding, Text};
 use ob1_station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
 use ob1_station_file::sources::{Mnemonics, Sources};
@@ -49,6 +50,8 @@ pub(super) struct Test {
     pub(super) start: Command,
     pub(super) call: Option<Call>,
     pub(super) inputs: Cells,
+    /// A recording that comes before the steps.
+    pub(super) replay: Option<Recorded>,
     pub(super) steps: Vec<Step>,
 }
 
@@ -122,7 +125,7 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
     if file.test.is_empty() {
         f.error(MISSING, 0..0, "there is no test", "add [[test]] with name and [[test.step]]");
     }
-    let tests = file.test.into_iter().map(|table| test(f, table)).collect();
+    let tests = file.test.into_iter().map(|table| test(f, table, folder)).collect();
     findings.into_result(Plan { program, cycle, tests })
 }
 
@@ -136,11 +139,20 @@ fn time(f: &mut Findings<'_>, value: &Placed<String>) -> Option<Span> {
     }
 }
 
-fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
+fn test(f: &mut Findings<'_>, table: Placed<TestTable>, folder: &Path) -> Test {
     let table = table.into_inner();
     let words = [Command::Warm, Command::Cold].map(|command| (command.word(), command));
     let start = choice(f, "start", table.start.as_ref(), &words).unwrap_or(Command::Warm);
-    if table.step.is_empty() {
+    let named = |list: Vec<Placed<String>>| list.into_iter().map(Placed::into_inner).collect();
+    let replay = table.replay.as_ref().map(|path| folder.join(path.get_ref()));
+    if let (None, Some(first)) = (&replay, table.drive.first()) {
+        f.error(CONTRADICTION, first.span(), "`drive` belongs to a replay", "add `replay`, or use `set`");
+    }
+    if let (Some(_), Some(call)) = (&replay, &table.call) {
+        f.error(CONTRADICTION, call.span(), "a replay needs the whole program", "leave out `call` or `replay`");
+    }
+    let replay = replay.map(|path| Recorded { path, drive: named(table.drive), compare: table.compare });
+    if table.step.is_empty() && replay.is_none() {
         f.error(MISSING, table.name.span(), "a test without a step", "add [[test.step]] with `expect`");
     }
     if let (None, Some((name, _))) = (&table.call, table.with.first_key_value()) {
@@ -156,7 +168,7 @@ fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
     });
     let steps = table.step.into_iter().map(|table| step(f, table)).collect();
     let (name, at) = (table.name.get_ref().clone(), table.name.span());
-    Test { name, at, start, call, inputs: table.inputs, steps }
+    Test { name, at, start, call, inputs: table.inputs, replay, steps }
 }
 
 fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {

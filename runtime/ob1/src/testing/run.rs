@@ -1,10 +1,13 @@
 //! Running the tests of one file.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 use std::time::Instant;
 
 use ob1_cpu::{Cell, CpuConfig, DiagEntry, OperatingState, Width};
 use ob1_ir::Program;
+use ob1_record::Replay;
 use ob1_stl::{Library, Source};
 use ob1_time::Span;
 
@@ -12,6 +15,7 @@ use super::bench::{Bench, bare_config, bare_modules, loaded};
 use super::cells::{Expect, Resolver, Set};
 use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
+use super::replay::{Recorded, configured, told};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
 use ob1_station::program::{self, Loaded};
@@ -136,6 +140,7 @@ struct Ready<'p> {
     inputs: Vec<Set>,
     /// The bit that opens the call of one block.
     opening: Option<Cell>,
+    replay: Option<Replay<BufReader<File>>>,
     steps: Vec<ReadyStep<'p>>,
 }
 
@@ -167,8 +172,14 @@ impl<'p> Ready<'p> {
         let steps = steps.collect();
         let (inputs, steps) = findings.into_result((inputs, steps))?;
         let loaded = loaded(program, &subject.loaded);
-        let bench = Bench::new(&subject.name, subject.config.clone(), &subject.modules, &loaded)?;
-        Ok(Self { test, bench, inputs, opening: harness.map(|h| h.opening()), steps })
+        let unusable = |why| vec![source.finding(Level::Error, VALUE, test.at.clone(), why, String::new())];
+        let replay = test.replay.as_ref().map(Recorded::open).transpose().map_err(unusable)?;
+        let config = match &replay {
+            Some(replay) => configured(subject.config.clone(), replay.head().min_cycle_ns),
+            None => subject.config.clone(),
+        };
+        let bench = Bench::new(&subject.name, config, &subject.modules, &loaded)?;
+        Ok(Self { test, bench, inputs, opening: harness.map(|h| h.opening()), replay, steps })
     }
 
     fn run(mut self, source: Text<'_>) -> Result<Outcome, Vec<Finding>> {
@@ -179,13 +190,26 @@ impl<'p> Ready<'p> {
         for set in &self.inputs {
             self.bench.set(set).map_err(|message| unusable(&self.test.at, message))?;
         }
-        self.bench.start(self.test.start);
+        let mut failures = Vec::new();
+        match self.replay.take() {
+            Some(replay) => {
+                let replayed =
+                    replay.run(&mut self.bench).map_err(|error| unusable(&self.test.at, error.to_string()))?;
+                self.bench.charge(None);
+                let line = source.finding(Level::Error, "", self.test.at.clone(), String::new(), String::new()).line;
+                failures.extend(told(&replayed).into_iter().map(|text| Failure { line, text }));
+            }
+            None => self.bench.start(self.test.start),
+        }
         if let Some(cell) = self.opening {
             let opened = self.bench.cpu.write(cell, Width::Bit, 1);
             opened.map_err(|error| unusable(&self.test.at, error.to_string()))?;
         }
-        let mut failures = Vec::new();
         for (number, ready) in (1..).zip(&self.steps) {
+            if !failures.is_empty() {
+                // What follows would only be its consequence.
+                break;
+            }
             let found = ready.run(&mut self.bench).map_err(|message| unusable(&ready.step.at, message))?;
             let place = format!(
                 "step {number}, {:.3} s, scan {}",
@@ -196,10 +220,6 @@ impl<'p> Ready<'p> {
                 let line = source.finding(Level::Error, "", at, String::new(), String::new()).line;
                 Failure { line, text: format!("{text} ({place})") }
             }));
-            if !failures.is_empty() {
-                // What follows would only be its consequence.
-                break;
-            }
         }
         Ok(Outcome {
             name: self.test.name.clone(),

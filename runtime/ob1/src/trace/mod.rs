@@ -21,7 +21,8 @@ use ob1_station::out;
 pub use pcapng::Pcapng;
 pub use print::Printer;
 pub use recording::{Recorder, RecordingError, read};
-pub(crate) use source::Taps;
+pub(crate) use s7::Link;
+pub(crate) use source::{News, Taps};
 
 /// The longest recording that is read, in bytes.
 const LONGEST: u64 = 1 << 30;

@@ -20,10 +20,10 @@ const HERE: Ipv4Addr = Ipv4Addr::new(127, 0, 0, 1);
 
 /// A link that is listened to.
 #[derive(Debug)]
-pub(super) struct Link {
-    pub(super) name: String,
+pub(crate) struct Link {
+    pub(crate) name: String,
     /// Nanoseconds since 1970 at time 0.
-    pub(super) unix: u64,
+    pub(crate) unix: u64,
     /// The unfinished telegram of each connection and direction.
     open: BTreeMap<(u32, bool), Vec<u8>>,
     /// Bytes sent so far on each connection and direction: their numbers in TCP.
@@ -31,15 +31,15 @@ pub(super) struct Link {
 }
 
 /// A telegram in words, with its direction and its bytes.
-pub(super) struct Told {
-    pub(super) way: Way,
-    pub(super) text: String,
-    pub(super) bytes: Vec<u8>,
+pub(crate) struct Told {
+    pub(crate) way: Way,
+    pub(crate) text: String,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Link {
     /// The link of a [`Kind::Hello`], with a line about it; `None`: the hello is not one of a link.
-    pub(super) fn of_hello(text: &[u8]) -> Option<(Self, String)> {
+    pub(crate) fn of_hello(text: &[u8]) -> Option<(Self, String)> {
         let hello: Value = serde_json::from_slice(text).ok()?;
         if hello["module"].as_str() != Some("s7") {
             return None;
@@ -51,7 +51,7 @@ impl Link {
     }
 
     /// The telegrams that end with this record.
-    pub(super) fn read(&mut self, record: &Record<'_>) -> Vec<Told> {
+    pub(crate) fn read(&mut self, record: &Record<'_>) -> Vec<Told> {
         let way = match record.kind {
             Kind::Out => Way::Out,
             Kind::In => Way::In,

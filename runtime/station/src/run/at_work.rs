@@ -38,6 +38,7 @@ use crate::guardian::Guardian;
 use crate::io::ProcessIo;
 use crate::links::{LinkSpec, Links};
 use crate::posture;
+use crate::recording::Recordings;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
@@ -75,6 +76,7 @@ pub(super) struct AtWork {
     observer: Option<Observer>,
     keeper: Option<Keeper>,
     server: Option<Server>,
+    recordings: Option<Recordings>,
     broker: Option<RunningBroker>,
     links: Option<Links>,
     fleet: Option<RunningFleet>,
@@ -124,6 +126,14 @@ impl AtWork {
             .map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
+        let recordings = Recordings::start(
+            cpu.recording_client(),
+            own_door(&broker.handle(), 1 + station.links.len()).map_err(system("a door of the broker"))?,
+            &view,
+            station,
+            rundir.path(),
+        );
+        let recordings = recordings.map_err(system("recordings"))?;
         for (index, link) in station.links.iter().enumerate() {
             if let Some(cp) = &link.cp {
                 fleet.hand_over(cp, door_for_each(broker.handle(), index + 1));
@@ -175,6 +185,7 @@ impl AtWork {
             observer: Some(observer),
             keeper,
             server: Some(server),
+            recordings: Some(recordings),
             broker: Some(broker),
             links: Some(links),
             fleet: Some(fleet),
@@ -274,7 +285,7 @@ impl AtWork {
         // Its thread removes the name when it ends.
         drop(self.server.take());
         if let Some(broker) = &self.broker {
-            let door = control_door(&broker.handle())?;
+            let door = own_door(&broker.handle(), 0)?;
             self.server = Some(Server::start(&self.rundir.socket(), door, self.view.clone(), self.min_cycle)?);
         }
         Ok(())
@@ -349,6 +360,7 @@ impl AtWork {
         self.outputs_off();
         self.drain_log();
         drop(self.server.take());
+        drop(self.recordings.take());
         // A process that finds its door closed ends by itself.
         if let Some(links) = &mut self.links {
             links.expect_the_end();
@@ -473,7 +485,9 @@ fn open_doors(
     let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| {
         assembly::link_config(link, with_taps(link, control_socket), listeners)
     };
-    let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
+    // The last one hears what happens, for recordings.
+    let (hearing, all) = (LinkConfig::default(), std::iter::once(control));
+    let configs = all.chain(station.links.iter().zip(listeners).map(of)).chain([hearing]).collect();
     let broker = Broker::new(cpu, configs, entries, Box::new(facts))?;
     let mut specs: Vec<LinkSpec> = Vec::with_capacity(station.links.len());
     for (index, (link, beats)) in station.links.iter().zip(broker.beats().into_iter().skip(1)).enumerate() {
@@ -492,14 +506,14 @@ fn open_doors(
     }
     let broker = broker.start(clock)?;
     let links = Links::start(specs, &broker.handle())?;
-    let door = control_door(&broker.handle())?;
+    let door = own_door(&broker.handle(), 0)?;
     Ok((broker, door, links))
 }
 
-/// A door for the control socket, which is the first link.
-fn control_door(broker: &Handle) -> std::io::Result<Door> {
+/// A door for a part of the runtime itself: the control socket is the first link, recordings are the last.
+fn own_door(broker: &Handle, link: usize) -> std::io::Result<Door> {
     let (ours, theirs) = handover::pair()?;
-    broker.connect(0, ours);
+    broker.connect(link, ours);
     Door::new(theirs).map_err(std::io::Error::other)
 }
 
