@@ -95,7 +95,8 @@ fn rack(site: &Site, name: &str, program: &str) -> (Running, Between) {
 /// What a shadow says after so long: its exit code, its output, its report.
 fn shadow(site: &Site, between: &Between, time: &str) -> (Option<i32>, String, Value) {
     let host = format!("127.0.0.1:{}", between.port);
-    let said = site.ob1(&["shadow", "own.toml", "--rack", &host, "--for", time, "--report", "report.json"]);
+    let args = ["shadow", "own.toml", "--rack", &host, "--for", time, "--report", "report.json"];
+    let said = site.ob1(&[&args[..], &["--recording", "rack.ob1trace"]].concat());
     let report = std::fs::read(site.path("report.json")).unwrap_or_default();
     (said.code, said.out + &said.err, serde_json::from_slice(&report).unwrap_or_default())
 }
@@ -130,6 +131,9 @@ fn a_rack_with_the_same_program_is_equal() {
     assert!(text.contains("3 cells compared, 0 of them different"), "{text}");
     assert!(report["equal"].as_u64() > Some(50), "{report}");
     only_looks(&between);
+    // What was read can be replayed without the rack: with one scan for each reading, outputs are right.
+    let replayed = site.ob1(&["exec", "own.awl", "--replay", "rack.ob1trace"]);
+    assert_eq!(replayed.code, Some(0), "{}{}", replayed.out, replayed.err);
     assert_eq!(station.status().state, "RUN");
     assert_eq!(station.interrupt().code(), Some(0));
 }

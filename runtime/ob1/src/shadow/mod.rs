@@ -4,6 +4,7 @@
 mod judge;
 mod place;
 mod rack;
+mod recording;
 mod replica;
 mod report;
 mod subject;
@@ -21,6 +22,7 @@ use crate::exit::DiffExit;
 use crate::import::{CpuArgs, Unit};
 use judge::Judge;
 use rack::{Rack as _, S7Rack};
+use recording::Recording;
 use report::Report;
 use subject::Subject;
 
@@ -65,6 +67,9 @@ pub struct ShadowArgs {
     /// Write the report as JSON, anew with each difference and at the end
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Keep all readings in a recording, for `ob1 exec --replay` and `ob1 test`
+    #[arg(long, value_name = "FILE")]
+    pub recording: Option<PathBuf>,
 }
 
 /// Compares; prints what there is to print.
@@ -89,12 +94,19 @@ fn run(args: &ShadowArgs) -> Result<DiffExit, String> {
     let (bytes, telegrams) = rack.cost(&judge.wanted())?;
     say!("{}: {} cells compared; a reading is {bytes} bytes in {telegrams} telegrams", args.rack, report.cells());
     subject.left_out.iter().for_each(|left| say!("not compared: {left}"));
+    let mut recording = match &args.recording {
+        Some(path) => Some(Recording::begin(path, &subject)?),
+        None => None,
+    };
     let end = args.time.map(|time| rack.now().saturating_add(time));
     let mut is_lost = false;
     while !ended.load(Ordering::SeqCst) && end.is_none_or(|end| rack.now() < end) {
         let due = rack.now().saturating_add(args.every);
         let found = match rack.look(&judge.wanted()) {
-            Ok(Some(look)) => judge.take(look, &mut rack),
+            Ok(Some(look)) => {
+                recording.as_mut().map_or(Ok(()), |recording| recording.take(&look))?;
+                judge.take(look, &mut rack)
+            }
             Ok(None) => {
                 judge.stopped();
                 Ok(Vec::new())
@@ -118,6 +130,7 @@ fn run(args: &ShadowArgs) -> Result<DiffExit, String> {
             }
         }
     }
+    recording.as_mut().map_or(Ok(()), Recording::flush)?;
     report.write(args.report.as_deref(), &judge)?;
     says!("{}", report.text(&judge));
     Ok(report.exit(&judge))
