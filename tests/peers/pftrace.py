@@ -6,7 +6,11 @@ times in order, slices balanced. Prints what each track holds, as JSON.
 """
 
 import json
+import os
 import sys
+
+# Its protobuf is newer than that of the other partners.
+sys.path.insert(0, os.environ.get("OB1_SNAP7_NATIVE", ""))
 
 from perfetto.protos.perfetto.trace import perfetto_trace_pb2 as perfetto
 

@@ -139,6 +139,18 @@ impl Recordings {
     }
 }
 
+/// A ring whose pages are there before the scan writes to them.
+fn touched<T: Default>(room: usize) -> (Producer<T>, Consumer<T>) {
+    let (mut producer, mut consumer) = RingBuffer::new(room);
+    if let Ok(chunk) = producer.write_chunk(room) {
+        chunk.commit_all();
+    }
+    if let Ok(chunk) = consumer.read_chunk(room) {
+        chunk.commit_all();
+    }
+    (producer, consumer)
+}
+
 /// Begins recordings, and frees what ended ones have used.
 #[derive(Debug)]
 pub struct RecordingClient {
@@ -157,8 +169,8 @@ impl RecordingClient {
             return Err(TooMuch::Watch);
         }
         let (words, room) = (VALUES + frame.words(), room.max(2));
-        let (rows, taken) = RingBuffer::new(words * room);
-        let (runs, ran) = RingBuffer::new(RUNS * room);
+        let (rows, taken) = touched(words * room);
+        let (runs, ran) = touched(RUNS * room);
         let watch = Watch::new(0, &frame);
         let recorder = Box::new(Recorder { watch, words, rows, lost: 0, runs, lost_runs: 0 });
         self.orders.push(recorder).map_err(|_| TooMuch::UnderWay)?;

@@ -64,9 +64,12 @@ fn ten_thousand_cycles_allocate_nothing() {
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), Width::Word)];
     link.watch(&pieces).expect("little");
+    let mut recording = bench.cpu.recording_client().expect("the first");
+    let mut rows = recording.record(ob1_cpu::Frame::of(pieces), 10).expect("little");
     bench.run();
     // The counter sees the test harness's own thread too, which allocates now and then: a scan that allocated would do
     // so in every round.
+    let mut recorded = 0;
     let quiet = (0..5).any(|_| {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {
@@ -75,12 +78,15 @@ fn ten_thousand_cycles_allocate_nothing() {
             bench.cycle();
             while client.take().is_some() {}
             while link.link.take().is_some() {}
+            recorded += u64::from(rows.take(|row| row.lost == 0).unwrap_or(false));
+            while rows.take_run().is_some() {}
         }
         let change = region.change();
         (change.allocations, change.reallocations, change.deallocations) == (0, 0, 0)
     });
     assert!(quiet, "each of five rounds of 10,000 cycles allocated");
     assert!(link.mark().is_some_and(|mark| mark.scan > 9_000), "snapshots were taken all the while");
+    assert!(recorded > 9_000, "so was a recording: {recorded}");
     assert_ne!(bench.dbw(3, 0), 0, "the program ran");
     assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
     let runs = [35, 40].map(|ob| bench.ob_figures(ob).runs);

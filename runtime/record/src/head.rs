@@ -2,7 +2,6 @@
 
 use ob1_access::{Datum, Item, Names, Reading, Typed};
 use ob1_model::{Area, Cell, DataType, Frame, Piece, Width};
-use ob1_time::Instant;
 use serde::{Deserialize, Serialize};
 
 /// A signal: a single value of up to 32 bits.
@@ -179,12 +178,6 @@ impl Head {
     /// The first that cannot be read.
     pub fn items(&self) -> Result<Vec<Item>, String> {
         self.signals.iter().map(Signal::item).collect()
-    }
-
-    /// When it was asked for.
-    #[must_use]
-    pub const fn begun(&self) -> Instant {
-        Instant::from_nanos(self.begun_ns)
     }
 }
 

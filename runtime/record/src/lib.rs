@@ -18,7 +18,7 @@ pub use event::Event;
 pub use expression::Expression;
 pub use file::{Entry, FormatError, MAGIC, Reader, Writer};
 pub use head::{Clocks, Head, Signal, datum, number};
-pub use order::{LONGEST_HISTORY, Order, Settings};
+pub use order::{Order, Settings};
 pub use replay::{Difference, Differences, Pace, Replay, ReplayError, Replayed, Stage};
 pub use row::{Row, Scan};
 pub use trigger::Trigger;

@@ -9,7 +9,7 @@ use crate::head::{frame, piece_fits};
 use crate::{Signal, Trigger};
 
 /// Bytes that the history of one recording may take.
-pub const LONGEST_HISTORY: usize = 256 << 20;
+const LONGEST_HISTORY: usize = 256 << 20;
 /// Time for which rows have room in the ring of the scan.
 const ROOM: Span = Span::from_secs(2);
 /// Rows with room at least and at most.

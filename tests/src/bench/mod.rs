@@ -17,6 +17,7 @@ pub mod line;
 pub mod machine_code;
 pub mod memory;
 pub mod peer;
+pub mod record;
 pub mod s7;
 pub mod scan;
 pub mod stl;

@@ -7,7 +7,7 @@ use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
     Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code,
-    memory, s7, scan, stl, wake, watch,
+    memory, record, s7, scan, stl, wake, watch,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -20,7 +20,8 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          s7 [--rounds N] [--seconds S]: the S7 link beside a bare TCP echo and snap7's server (installed into .venv), and the
          scan with 64 clients beside it; N (9) rounds, three looks of S (6) seconds at the scan in each: 4 minutes
          alarms: a scan that makes messages, and the broker that tells four displays, beside the same without
-         watch: a scan of 100,000 statements with program status, beside the same without: a minute
+         record: a scan with 64 signals recorded, beside the same without; an hour of scans in virtual time
+        watch: a scan of 100,000 statements with program status, beside the same without: a minute
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
          io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
          second beside libmodbus (its Python script installed into .venv); S (10) seconds each
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         ["disturb", ref words @ ..] => disturbed(words),
         ["s7", ref words @ ..] => s7_link(words),
         ["watch"] => watch::measure().map(|figures| shown(&figures)),
+        ["record"] => record::measure().map(|figures| shown(&figures)),
         ["alarms"] => alarms::measure().map(|figures| shown(&figures)),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),

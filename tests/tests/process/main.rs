@@ -33,6 +33,7 @@ mod peer;
 mod privileges;
 mod profibus;
 mod program_status;
+mod record;
 mod refusals;
 mod remote_io;
 mod rk512;

@@ -28,6 +28,7 @@ mod pointers;
 mod points;
 mod programs;
 mod raw_lists;
+mod recording;
 mod retentive;
 mod retentive_v1;
 mod services;

@@ -21,6 +21,8 @@ use crate::trace::{News, Taps, TraceError};
 const LOOK: Duration = Duration::from_millis(100);
 /// What has come is in the file after this time.
 const FLUSH: Duration = Duration::from_millis(200);
+/// Time between two tries to hear a driver again that has ended.
+const AGAIN: Duration = Duration::from_millis(500);
 /// Longest refusal of a station, in bytes.
 const REFUSAL: u64 = 64 * 1024;
 
@@ -36,10 +38,10 @@ pub(super) fn record(
     let folder = rundir::find(&status.station).ok_or(RecordError::Ended)?;
     // Before anything is written: a second signal ends at once.
     let signals = Signals::catch()?;
-    let mut taps = if args.no_lines { None } else { taps(station)? };
+    let mut taps = if args.no_lines { None } else { open_taps(station)? };
     let mut reader = begin(&folder.join(rundir::RECORD), order)?;
     let mut sink = Sink::open(path, reader.head())?;
-    let (mut count, mut flushed) = (Count::default(), Instant::now());
+    let (mut count, mut flushed, mut tried) = (Count::default(), Instant::now(), Instant::now());
     while count.end.is_none() && !signals.wait(Duration::ZERO) {
         if is_readable(reader.input())? {
             loop {
@@ -59,8 +61,15 @@ pub(super) fn record(
                 }
             }
         }
-        if let Some(taps) = &mut taps {
-            listen(taps, &mut sink)?;
+        if let Some(heard) = &mut taps {
+            listen(heard, &mut sink)?;
+            // A driver that was started again has a new tap.
+            if heard.has_lost_one() && tried.elapsed() >= AGAIN {
+                tried = Instant::now();
+                if let Ok(Some(again)) = open_taps(station) {
+                    *heard = again;
+                }
+            }
         }
         if flushed.elapsed() >= FLUSH {
             sink.flush()?;
@@ -77,7 +86,7 @@ fn finish(mut sink: Sink, count: Count, signals: usize) -> Result<(Count, usize)
 }
 
 /// The lines of the station; none without a line.
-fn taps(station: &str) -> Result<Option<Taps>, RecordError> {
+fn open_taps(station: &str) -> Result<Option<Taps>, RecordError> {
     match Taps::open(station, None, true) {
         Ok(taps) => Ok(Some(taps)),
         Err(TraceError::NoLine(_)) => Ok(None),

@@ -264,6 +264,7 @@ impl Recording {
         let now = self.view.clock.time();
         for mut job in self.jobs.drain(..) {
             self.bytes.clear();
+            job.capture.take(&mut job.rows, &mut self.bytes, &|_| true);
             job.capture.end(why, now, &mut self.bytes);
             job.sink.put(&mut self.bytes);
         }

@@ -233,6 +233,22 @@ pub(super) const TABLE: &[Row] = &[
         "invariant 2",
         &["ob1-coupler", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "parking_lot", "rtrb", "serde"],
     ),
+    // Recordings: what is kept of a CPU's rows, and their file.
+    row(
+        "ob1-record",
+        "invariant 2",
+        &[
+            "ob1-access",
+            "ob1-cpu",
+            "ob1-files",
+            "ob1-model",
+            "ob1-time",
+            "ob1-timing",
+            "serde",
+            "serde_json",
+            "thiserror",
+        ],
+    ),
     // A running station; it depends on no tool.
     row(
         "ob1-station",
@@ -262,6 +278,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-coupler",
             "ob1-station-file",
             "ob1-timing",
+            "ob1-record",
             "ob1-params",
             "ob1-serial",
             // The texts of the events in a CP's diagnostic buffer.
@@ -286,6 +303,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-station",
             "ob1-station-file",
             "ob1-timing",
+            "ob1-record",
             "ob1-model",
             "ob1-ir",
             "ob1-stl",
@@ -313,6 +331,8 @@ pub(super) const TABLE: &[Row] = &[
             "clap",
             // Loads of a soak test.
             "fastrand",
+            // `ob1 record` writes traces for Perfetto.
+            "prost",
             // `ob1 top`.
             "ratatui",
             "rustix",
