@@ -194,7 +194,7 @@ impl<'p> Ready<'p> {
             );
             failures.extend(found.into_iter().map(|(at, text)| {
                 let line = source.finding(Level::Error, "", at, String::new(), String::new()).line;
-                Failure { line, text: format!("{text} ({place})") }
+                Failure { line: Some(line), text: format!("{text} ({place})") }
             }));
             if !failures.is_empty() {
                 // What follows would only be its consequence.
