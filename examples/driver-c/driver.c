@@ -183,23 +183,54 @@ static uint64_t attach(void)
 
 /* The line. */
 
-static int line = -1;
+static int line = -1, partner = -1;
+static char published[256];
 static unsigned char out[TELEGRAM];
 static unsigned out_length, out_written;
 
-static int open_line(const char *path)
+static void close_line(void)
 {
     if (line >= 0)
         close(line);
-    line = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (partner >= 0)
+        close(partner);
+    if (published[0])
+        unlink(published);
+    line = partner = -1;
+    published[0] = 0;
+}
+
+/* A new pty; the path becomes a link to it. Its other end stays open here, so that a partner may come and go. */
+static int open_pty(const char *path)
+{
+    char name[64];
+    struct stat old;
+    int master = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (master < 0 || grantpt(master) != 0 || unlockpt(master) != 0 || ptsname_r(master, name, sizeof name) != 0)
+        return -1;
+    partner = open(name, O_RDWR | O_NOCTTY | O_CLOEXEC);
+    if (lstat(path, &old) == 0 && S_ISLNK(old.st_mode))
+        unlink(path);
+    if (symlink(name, path) == 0)
+        strcpy(published, path);
+    return master;
+}
+
+/* 0, or the error of the system. */
+static int open_line(const char *kind, const char *path)
+{
+    close_line();
+    int flags = O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC, is_pty = strcmp(kind, "pty") == 0;
+    line = is_pty ? open_pty(path) : open(path, flags);
+    int device = is_pty ? partner : line;
     struct termios settings;
-    if (line < 0 || tcgetattr(line, &settings) != 0)
+    if (line < 0 || tcgetattr(device, &settings) != 0)
         return errno;
     cfmakeraw(&settings);
     settings.c_cflag |= CLOCAL | CREAD;
     cfsetspeed(&settings, B115200);
-    tcsetattr(line, TCSANOW, &settings);
-    tcflush(line, TCIOFLUSH);
+    tcsetattr(device, TCSANOW, &settings);
+    tcflush(device, TCIOFLUSH);
     return 0;
 }
 
@@ -387,23 +418,25 @@ static void show(void)
     write_words(INPUTS, words, 8);
 }
 
-/* The text after "line": "serial:, or nothing. */
-static int find_line(char *json, char *path, size_t room)
+/* The text of the key "line", split at its colon: "serial:PATH" or "pty:PATH". */
+static int find_line(char *json, char **kind, char **path)
 {
     char *at = strstr(json, "\"line\"");
     char *begin = at ? strchr(at + 6, '"') : NULL;
+    char *colon = begin ? strchr(begin, ':') : NULL;
     char *end = begin ? strchr(begin + 1, '"') : NULL;
-    if (json[0] != '{' || !end || strncmp(begin + 1, "serial:", 7) != 0 || (size_t)(end - begin) > room)
+    if (json[0] != '{' || !end || !colon || colon > end || end - colon > 250)
         return 0;
-    *end = 0;
-    strcpy(path, begin + 8);
-    return 1;
+    *end = *colon = 0;
+    *kind = begin + 1;
+    *path = colon + 1;
+    return strcmp(*kind, "serial") == 0 || strcmp(*kind, "pty") == 0;
 }
 
 static void take_parameters(const uint64_t *words, unsigned tx)
 {
     static char json[4097];
-    char path[256];
+    char *kind, *path;
     unsigned char bytes[16];
     uint64_t text = words[0];
     memcpy(bytes, words + 1, 16);
@@ -415,14 +448,14 @@ static void take_parameters(const uint64_t *words, unsigned tx)
     memcpy(json, words + 3, text);
     silence = bytes[5] ? bytes[5] * 20000000ull : 200000000;
     clear();
-    if (!find_line(json, path, sizeof path) || bytes[1] > 1) {
+    if (!find_line(json, &kind, &path) || bytes[1] > 1) {
         phase = REFUSED;
         emit(MESSAGE, 7, "", 0);
         poke(LEDS, 1 | 8);
         put(STATE, PARAMETER_ERROR | 0x100ull << 32);
         return;
     }
-    int error = open_line(path);
+    int error = open_line(kind, path);
     identify(tx);
     poke(LEDS, 1);
     poke(MODEM, 0x30);
@@ -516,5 +549,6 @@ int main(int count_of, char **arguments)
         poke(SLEEPING, 0);
         poke(HEARTBEAT, peek(HEARTBEAT) + 1);
     }
+    close_line();
     return 0;
 }

@@ -27,9 +27,6 @@ use starts::STARTS;
 
 /// Acts of a seed besides its first one.
 const ACTS_MOST: usize = 4;
-/// After this many seeds that broke a rule no further ones begin.
-const ENOUGH: usize = 10;
-
 /// Test a driver of your own against the rules of docs/driver.md
 #[derive(Clone, Debug, Args)]
 pub struct DriverArgs {
@@ -68,6 +65,9 @@ struct TestArgs {
     /// Drivers tested at the same time
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     jobs: u8,
+    /// Begin no further seeds after this many that broke a rule
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    breaks: u32,
     /// Write the results as JUnit XML: a test case for each rule
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -114,29 +114,34 @@ pub fn driver(args: &DriverArgs) -> TestExit {
     findings.next.store(range.start, Ordering::Relaxed);
     std::thread::scope(|scope| {
         for _ in 0..args.jobs {
-            scope.spawn(|| work(&findings, &program, args.cp, range.end, args.seed.is_some()));
+            scope.spawn(|| work(&findings, &program, args, range.end));
         }
     });
     report(args, &findings, begun.elapsed().as_secs_f64())
 }
 
 /// One worker: seed after seed.
-fn work(findings: &Findings, program: &Path, kind: CpKind, end: u64, tells: bool) {
+fn work(findings: &Findings, program: &Path, args: &TestArgs, end: u64) {
     let name = "test".to_owned();
-    let args = vec!["--name".into(), "test".into()];
-    let command = DriverCommand { name, program: program.into(), args, env: Vec::new(), descriptors: Vec::new() };
+    let command = DriverCommand {
+        name,
+        program: program.into(),
+        args: vec!["--name".into(), "test".into()],
+        env: Vec::new(),
+        descriptors: Vec::new(),
+    };
     loop {
         let seed = findings.next.fetch_add(1, Ordering::Relaxed);
-        let enough = locked(&findings.broken).len() >= ENOUGH || locked(&findings.refused).is_some();
+        let enough = locked(&findings.broken).len() >= args.breaks as usize || locked(&findings.refused).is_some();
         if seed >= end || enough {
             return;
         }
-        let mut rig = match Rig::new(&command, kind, seed) {
+        let mut rig = match Rig::new(&command, args.cp, seed) {
             Ok(rig) => rig,
             Err(Breach::System(text)) => return refuse(findings, text),
             Err(Breach::Rule(..)) => continue,
         };
-        rig.tells = tells;
+        rig.tells = args.seed.is_some();
         let outcome = play(&mut rig, seed);
         findings.steps.fetch_add(rig.steps, Ordering::Relaxed);
         findings.seeds.fetch_add(1, Ordering::Relaxed);

@@ -17,7 +17,7 @@ pub(super) const BLOCK: usize = 12;
 /// The first count of an order that is given up at once.
 const PROBE: u16 = 13;
 /// How long a change may stay unseen by a driver that sleeps and says so.
-const UNSEEN: Span = Span::from_millis(30);
+const UNSEEN: Span = Span::from_millis(15);
 
 impl Rig<'_> {
     /// Writes the output registers and ends the scan.
@@ -41,8 +41,8 @@ impl Rig<'_> {
         self.put(self.rx_echo(), tx, block)
     }
 
-    /// Waits for the answer to what was written last. A driver that has answered nothing must not sleep as if it had
-    /// seen everything.
+    /// Waits for the answer to what was written last. A driver that answers later must not have slept before, as if it
+    /// had seen everything.
     pub(super) fn answer<T>(
         &mut self,
         rule: Rule,
@@ -52,24 +52,24 @@ impl Rig<'_> {
         let begin = self.now();
         let mut asleep_since: Option<(u64, Instant)> = None;
         let mut overslept = false;
-        let outcome = self.until(rule, SOON, what, |rig| {
+        let answer = self.until(rule, SOON, what, |rig| {
             if let Some(found) = found(rig) {
-                return Some(Some(found));
+                return Some(found);
             }
             let now = rig.now();
-            let beat = rig.segment.peek(super::watch::offset("cp.heartbeat")).unwrap_or(0);
+            let beat = word(&rig.segment, "cp.heartbeat", 0);
             let sleeps = now.since(begin) > UNSEEN && word(&rig.segment, "doorbell.sleeping", 0) == 1 && rig.sleeps();
             asleep_since = match asleep_since {
                 Some((before, since)) if sleeps && before == beat => Some((before, since)),
                 _ => sleeps.then_some((beat, now)),
             };
-            overslept = asleep_since.is_some_and(|(_, since)| now.since(since) > UNSEEN);
-            overslept.then_some(None)
+            overslept |= asleep_since.is_some_and(|(_, since)| now.since(since) > UNSEEN);
+            None
         })?;
-        match outcome {
-            Some(found) => Ok(found),
-            None => Breach::of(Rule::Announces, format!("{what}, and it sleeps")),
+        if overslept {
+            return Breach::of(Rule::Announces, format!("{what} while it sleeps, and is answered when it wakes"));
         }
+        Ok(answer)
     }
 
     /// Waits for the start-up identifier; its number.

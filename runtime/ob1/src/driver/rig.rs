@@ -13,7 +13,7 @@ use ob1_rt::{MonotonicClock, process_state};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::fs::{FlockOperation, fcntl_lock};
 use rustix::io::{Errno, ioctl_fionread};
-use rustix::process::{Pid, Signal, kill_process, test_kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
 use super::line::Line;
 use super::rules::Rule;
@@ -335,8 +335,9 @@ impl<'a> Rig<'a> {
     /// Kills the driver, and does in the segment what the runtime does then.
     pub(super) fn kill(&mut self) -> Checked {
         self.watch.foreign()?;
+        let pid = self.pid();
         if let Some(mut driver) = self.driver.take() {
-            driver.kill();
+            let _ = pid.map(|pid| kill_process_group(pid, Signal::KILL));
             driver.wait();
         }
         self.is_attached = false;
@@ -377,6 +378,7 @@ impl<'a> Rig<'a> {
         let begin = self.now();
         while pid.is_some_and(|pid| test_kill_process_group(pid).is_ok()) {
             if self.now().since(begin) > Span::SECOND {
+                let _ = pid.map(|pid| kill_process_group(pid, Signal::KILL));
                 return Breach::of(Rule::Alone, format!("a process of the group {} is there", driver.id()));
             }
             self.sleep(Span::from_millis(1));
@@ -434,7 +436,7 @@ impl<'a> Rig<'a> {
     /// The JSON text of the parameters.
     fn json(&self, line: &str) -> Vec<u8> {
         let keys = match self.kind {
-            CpKind::Cp341 | CpKind::Cp340 => r#","params":{"protocol":"ascii","baud":115200}"#,
+            CpKind::Cp341 | CpKind::Cp340 => r#","params":{"protocol":"ascii","baud":9600}"#,
             _ => "",
         };
         let kind = self.kind.name();
@@ -503,7 +505,8 @@ impl<'a> Rig<'a> {
 impl Drop for Rig<'_> {
     fn drop(&mut self) {
         if let Some(driver) = &mut self.driver {
-            driver.kill();
+            let pid = Pid::from_raw(driver.id().cast_signed());
+            let _ = pid.map(|pid| kill_process_group(pid, Signal::KILL));
             driver.wait();
         }
     }
