@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code,
+    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, iceoryx, io, kill_runtime, line, machine_code,
     memory, s7, scan, stl, wake, watch,
 };
 
@@ -151,6 +151,10 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
         "registers" => backplane::answer_registers(path),
         "word" => backplane::answer_word(path),
+        "asleep" => backplane::answer_asleep(path),
+        "eventfd" => backplane::answer_eventfd(path),
+        "iceoryx" => iceoryx::answer_registers(path),
+        "iceoryx-event" => iceoryx::answer_event(path),
         "pipe" => answer_pipe(path),
         _ => Err(format!("no such role: {role}").into()),
     }
@@ -169,7 +173,11 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
                 figures
             }
             "pair" => vec![scan::idle_pair()?],
-            "backplane" => vec![backplane::measure()?],
+            "backplane" => {
+                let mut all = vec![backplane::measure()?, backplane::measure_iceoryx()?];
+                all.extend(backplane::measure_asleep()?);
+                all
+            }
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
             "compile" => {
