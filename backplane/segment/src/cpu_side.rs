@@ -238,8 +238,8 @@ impl CpuSide {
         self.changed();
     }
 
-    /// Says what CLOCK_MONOTONIC shows, in nanoseconds, when the CPU's clock shows 0. Without it the CPU says no times of
-    /// orders.
+    /// Says what CLOCK_MONOTONIC shows, in nanoseconds, when the CPU's clock shows 0. Without it no time of an order is
+    /// said.
     pub fn set_origin(&mut self, monotonic: u64) {
         self.origin = Some(monotonic);
     }

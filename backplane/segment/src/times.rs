@@ -1,4 +1,4 @@
-//! Where the time of an order goes: what a driver says of its last orders and telegrams, and the runtime's account of it.
+//! Where the time of an order goes: what a driver says of its last orders and telegrams, and the runtime's account.
 
 use crate::cells::TimesCells;
 use crate::layout::TIMES_SLOTS;
@@ -142,7 +142,8 @@ pub(crate) fn newest(cells: &TimesCells) -> impl Iterator<Item = OrderTimes> {
 const SCAN_MOST: u64 = 60_000_000_000;
 
 /// Buckets of a [`Spread`]: up to 10 us, 100 us, 1 ms, 10 ms, 100 ms, 1 s, 10 s, and longer.
-pub const SPREAD_BOUNDS: [u64; 7] = [10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000, 10_000_000_000];
+pub const SPREAD_BOUNDS: [u64; 7] =
+    [10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000, 10_000_000_000];
 
 /// How long one stage took, of all orders so far.
 #[derive(Debug, Default)]

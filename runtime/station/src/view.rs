@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time;
 
 use ob1_access::alarms::AlarmTexts;
-use ob1_backplane::{BufferEntry, Counter, Monitor, SPREAD_BOUNDS, Spread};
+use ob1_backplane::{BufferEntry, Counter, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
 use ob1_model::Event;
@@ -13,9 +13,9 @@ use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::protocol::{
-    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, StageStatus, Status,
-    Times,
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
 };
+use crate::access::stage::StageStatus;
 use crate::bus_view::BusView;
 use crate::download::Loads;
 use crate::drivers::state_text;
@@ -141,22 +141,9 @@ impl ModuleView {
             leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
             counters: counters.unwrap_or_default(),
-            stages: monitor.map(|monitor| monitor.spreads().map(|spread| stage(&spread)).collect()).unwrap_or_default(),
+            stages: monitor.map(|monitor| monitor.spreads().map(StageStatus::of).collect()).unwrap_or_default(),
             reason: self.reason(now),
         }
-    }
-}
-
-/// One stage of orders or telegrams, for others.
-fn stage(spread: &Spread) -> StageStatus {
-    let count: u64 = spread.buckets.iter().sum();
-    let bounds = SPREAD_BOUNDS.into_iter().chain([u64::MAX]);
-    StageStatus {
-        kind: if spread.is_order { "order" } else { "telegram" }.to_owned(),
-        stage: spread.stage.name().to_owned(),
-        count,
-        mean_ns: spread.total / count.max(1),
-        buckets: bounds.zip(spread.buckets).filter(|(_, count)| *count > 0).collect(),
     }
 }
 

@@ -259,7 +259,11 @@ fn modules(page: &mut Page, status: &Value) {
             page.sample("ob1_cp_total", &labels, number(value));
         }
     }
-    page.family("ob1_order_stage_seconds", "histogram", "where the time of orders and telegrams goes (docs/backplane.md)");
+    page.family(
+        "ob1_order_stage_seconds",
+        "histogram",
+        "where the time of orders and telegrams goes (docs/backplane.md)",
+    );
     for module in modules {
         for stage in list(&module["stages"]) {
             let (kind, name) = (text(&stage["kind"]), text(&stage["stage"]));

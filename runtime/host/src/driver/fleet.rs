@@ -338,9 +338,8 @@ impl Driver {
         self.last_beat = self.monitor.cp_heartbeat();
         let own = self.hand_over.as_ref().map(|make| make()).transpose();
         let segment = self.segment.descriptor().ok_or(io::ErrorKind::Unsupported);
-        let start = |own: Option<OwnedFd>| {
-            Process::start(&self.command, segment?, &self.stdin, own.as_ref(), Stdio::inherit())
-        };
+        let start =
+            |own: Option<OwnedFd>| Process::start(&self.command, segment?, &self.stdin, own.as_ref(), Stdio::inherit());
         match own.and_then(start) {
             Ok(process) => {
                 self.status.pid.store(process.id(), Ordering::Release);

@@ -240,12 +240,7 @@ impl Rig<'_> {
     /// The counters as they are, in the order of the account.
     fn counted(&self) -> [u64; 4] {
         let of = |counter: Counter| word(&self.segment, "counters", counter as usize);
-        [
-            of(Counter::TelegramsSent),
-            of(Counter::TelegramsDelivered),
-            of(Counter::BytesTx),
-            of(Counter::BytesRx),
-        ]
+        [of(Counter::TelegramsSent), of(Counter::TelegramsDelivered), of(Counter::BytesTx), of(Counter::BytesRx)]
     }
 
     /// The account begins here.

@@ -37,9 +37,7 @@ fn later(rig: &mut Rig<'_>) -> Checked {
     rig.start(|_| Ok(()))?;
     rig.until_state(Rule::NoParameters, 2)?;
     let what = "the registers are not 0, or the state is another";
-    rig.hold(Rule::NoParameters, what, |rig| {
-        rig.inputs() == [0; 16] && word(&rig.segment, "cp.state", 0) as u32 == 2
-    })?;
+    rig.hold(Rule::NoParameters, what, |rig| rig.inputs() == [0; 16] && word(&rig.segment, "cp.state", 0) as u32 == 2)?;
     rig.step("the first parameters");
     rig.state(CpuState::Run)?;
     rig.parameters()?;

@@ -28,12 +28,8 @@ pub(super) fn set(segment: &Segment, name: &str, index: usize, to: u64) {
 }
 
 /// The contents of a driver that have a sequence: its name, and the words after it.
-const SEQUENCES: [(&str, usize); 4] = [
-    ("inputs.sequence", 8),
-    ("send_to_cpu.sequence", 8),
-    ("receive_to_cpu.sequence", 8),
-    ("diagnosis.sequence", 32),
-];
+const SEQUENCES: [(&str, usize); 4] =
+    [("inputs.sequence", 8), ("send_to_cpu.sequence", 8), ("receive_to_cpu.sequence", 8), ("diagnosis.sequence", 32)];
 
 /// The names of the sequences of a driver.
 pub(super) fn sequences() -> impl Iterator<Item = &'static str> {
@@ -191,8 +187,7 @@ impl Content {
             return Ok(());
         }
         self.odd_since = None;
-        let words: Vec<u64> =
-            (0..self.words).map(|index| segment.peek(self.at + 8 + 8 * index).unwrap_or(0)).collect();
+        let words: Vec<u64> = (0..self.words).map(|index| segment.peek(self.at + 8 + 8 * index).unwrap_or(0)).collect();
         fence(Ordering::Acquire);
         if segment.peek(self.at) != Some(before) {
             return Ok(());

@@ -109,8 +109,7 @@ fn junit(reports: &[FileReport]) -> String {
                 out.push_str("/>\n");
                 continue;
             };
-            let lines: Vec<String> =
-                outcome.failures.iter().map(|failure| failure.at(&report.file)).collect();
+            let lines: Vec<String> = outcome.failures.iter().map(|failure| failure.at(&report.file)).collect();
             let _ = writeln!(
                 out,
                 ">\n      <failure message=\"{}\">{}</failure>\n    </testcase>",

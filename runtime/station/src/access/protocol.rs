@@ -401,25 +401,10 @@ pub struct ModuleStatus {
     pub counters: BTreeMap<String, u64>,
     /// Where the time of its orders and telegrams goes; empty if its driver does not say it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub stages: Vec<StageStatus>,
+    pub stages: Vec<super::stage::StageStatus>,
     /// Why nothing happens at a CP, or what has failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<ReasonStatus>,
-}
-
-/// How long one stage of the orders of a CP took, or of the telegrams of its partner (docs/backplane.md, "Times").
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
-pub struct StageStatus {
-    /// `order` or `telegram`.
-    pub kind: String,
-    /// The moment with which the stage ends; it begins with the one said before it.
-    pub stage: String,
-    /// How many have gone through it.
-    pub count: u64,
-    /// The mean time, in nanoseconds.
-    pub mean_ns: u64,
-    /// Upper bounds in nanoseconds, and how many took no longer, but longer than the bound before.
-    pub buckets: Vec<(u64, u64)>,
 }
 
 /// What a CP waits for, or what has failed.
