@@ -5,7 +5,7 @@
 
 use crate::layout::{
     BOX_BYTES, BOXES, BUFFER_SLOTS, COUNTER_WORDS, ENDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES,
-    RECORD_BYTES,
+    RECORD_BYTES, TIMES_SLOTS, TIMES_WORDS,
 };
 use crate::seqlock::SeqCell;
 use crate::sync::{AtomicU64, Pad, Words};
@@ -140,6 +140,17 @@ pub(crate) struct BufferCells {
     pub(crate) entries: Words<BUFFER_SLOTS>,
 }
 
+/// Where the time of an order goes: when the CPU wrote last, and what the driver says of each order.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct TimesCells {
+    pub(crate) posted: AtomicU64,
+    pad: Pad<15>,
+    pub(crate) written: AtomicU64,
+    pad_written: Pad<7>,
+    pub(crate) entries: [Words<TIMES_WORDS>; TIMES_SLOTS],
+}
+
 /// Words of a box.
 pub(crate) const BOX_WORDS: usize = BOX_BYTES / 8;
 
@@ -190,7 +201,9 @@ pub(crate) struct SegmentCells {
     pad: Pad<12>,
     pub(crate) channels: ChannelsCells,
     pub(crate) buffer: BufferCells,
-    pad_buffer: Pad<271>,
+    pad_buffer: Pad<15>,
+    pub(crate) times: TimesCells,
+    pad_times: Pad<104>,
 }
 
 /// A segment with boxes.
@@ -274,6 +287,9 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, channels.receive_to_cpu.block.data), "receive_to_cpu.data"),
         (offset_of!(SegmentCells, buffer.written), "buffer.written"),
         (offset_of!(SegmentCells, buffer.entries), "buffer.entries"),
+        (offset_of!(SegmentCells, times.posted), "times.posted"),
+        (offset_of!(SegmentCells, times.written), "times.written"),
+        (offset_of!(SegmentCells, times.entries), "times.entries"),
         (offset_of!(BoxedCells, boxes.to_cp), "boxes.to_cp"),
         (offset_of!(BoxedCells, boxes.to_cpu), "boxes.to_cpu"),
     ]

@@ -16,6 +16,7 @@ use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
 use crate::sync::{Ordering, fence};
+use crate::times::{self, OrderTimes};
 use crate::words::{self, CpuState, DriverState, Leds, ModemInputs, ModemOutputs, Reason};
 
 /// A point in the CPU side's history, for [`CpSide::prepare_sleep`].
@@ -181,6 +182,18 @@ impl CpSide {
         let cells = self.segment.cells();
         let time_ms = cells.cpu.time.load(Ordering::Relaxed) / 1_000_000;
         self.buffer.enter(&cells.buffer, BufferEntry { number, incoming, time_ms });
+    }
+
+    /// When the CPU has written what this driver finds now: CLOCK_MONOTONIC in nanoseconds, as of the beginning of that
+    /// scan; 0: not said.
+    #[must_use]
+    pub fn posted(&self) -> u64 {
+        self.cells().times.posted.load(Ordering::Relaxed)
+    }
+
+    /// Says where the time of an order went that has ended, or of a telegram that was handed over.
+    pub fn enter_times(&mut self, times: OrderTimes) {
+        times::enter(&self.cells().times, times);
     }
 
     /// Emits an event. False: the ring is full, and the event is counted as lost.

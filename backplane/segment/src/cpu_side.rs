@@ -15,6 +15,7 @@ use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
 use crate::sync::{Ordering, fence};
+use crate::times::{OrderTimes, TimesReader};
 use crate::words::{CpuState, ModemOutputs};
 
 /// The CPU's end of a segment. There is one for each segment.
@@ -31,6 +32,10 @@ pub struct CpuSide {
     modem: ModemOutputs,
     changes: u64,
     bell_due: bool,
+    times: TimesReader,
+    /// CLOCK_MONOTONIC at the zero of the CPU's clock, and the beginning of the scan by the former.
+    origin: Option<u64>,
+    begun: u64,
 }
 
 impl CpuSide {
@@ -55,6 +60,9 @@ impl CpuSide {
             modem: ModemOutputs::default(),
             changes: 0,
             bell_due: false,
+            times: TimesReader::default(),
+            origin: None,
+            begun: 0,
         })
     }
 
@@ -95,6 +103,7 @@ impl CpuSide {
     #[inline]
     fn changed(&mut self) {
         self.changes = self.changes.wrapping_add(1);
+        self.cells().times.posted.store(self.begun, Ordering::Relaxed);
         self.cells().outputs.changes.store(self.changes, Ordering::Release);
         self.bell_due = true;
     }
@@ -227,6 +236,27 @@ impl CpuSide {
         self.modem = lines;
         self.cells().cpu.modem_outputs.store(lines.to_word(), Ordering::Release);
         self.changed();
+    }
+
+    /// Says what CLOCK_MONOTONIC shows, in nanoseconds, when the CPU's clock shows 0. Without it no time of an order is
+    /// said.
+    pub fn set_origin(&mut self, monotonic: u64) {
+        self.origin = Some(monotonic);
+    }
+
+    /// A scan begins, by the CPU's clock: what it writes is posted now.
+    #[inline]
+    pub fn begin_scan(&mut self, now: u64) {
+        self.begun = self.origin.map_or(0, |origin| origin.saturating_add(now));
+    }
+
+    /// The scan has ended, by the CPU's clock: takes what the driver has said of orders into the account; `told` gets
+    /// each order and telegram that the program could see now for the first time. At most as many as the ring holds.
+    #[inline]
+    pub fn end_scan(&mut self, now: u64, told: impl FnMut(&OrderTimes)) {
+        let Some(origin) = self.origin else { return };
+        let scan = (self.begun, origin.saturating_add(now));
+        self.times.take(&self.monitor.cells().times, scan, self.monitor.account(), told);
     }
 
     /// Publishes the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer.

@@ -63,6 +63,12 @@ pub const COUNTER_WORDS: usize = if cfg!(loom) { 17 } else { 32 };
 /// Words for the ends of orders: one for each number, the last for all that find no word of their own.
 pub const ENDS: usize = if cfg!(loom) { 2 } else { 16 };
 
+/// Slots of the ring of times: one more than entries, for the one being written.
+pub const TIMES_SLOTS: usize = if cfg!(loom) { 2 } else { 16 };
+
+/// Words of an entry of that ring.
+pub const TIMES_WORDS: usize = 8;
+
 /// Who may write a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Writer {
@@ -154,6 +160,9 @@ pub const FIELDS: &[Field] = &[
     field(0x2488, 64, "receive_to_cpu.data", Writer::Cp),
     field(0x2500, 8, "buffer.written", Writer::Cp),
     field(0x2580, 520, "buffer.entries", Writer::Cp),
+    field(0x2800, 8, "times.posted", Writer::Cpu),
+    field(0x2880, 8, "times.written", Writer::Cp),
+    field(0x28c0, 1024, "times.entries", Writer::Cp),
     field(0x3000, BOXES * BOX_STRIDE, "boxes.to_cp", Writer::Cpu),
     field(0xd000, BOXES * BOX_STRIDE, "boxes.to_cpu", Writer::Cp),
 ];

@@ -58,6 +58,7 @@ mod registers;
 mod segment;
 mod seqlock;
 mod sync;
+mod times;
 mod window;
 mod words;
 
@@ -83,6 +84,7 @@ pub use record::{Params, Record};
 pub use segment::Segment;
 pub use seqlock::Freshness;
 pub use sync::AtomicU64;
+pub use times::{OrderTimes, SPREAD_BOUNDS, Spread, Stage};
 pub use window::{WINDOW_WORDS, WindowHead, WindowReader, WindowWriter};
 pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs, Reason, Why};
 

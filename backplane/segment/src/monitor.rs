@@ -1,5 +1,7 @@
 //! What any part of the runtime may read, from any thread: the supervisor, the access port, the report.
 
+use std::sync::Arc;
+
 use crate::buffer::{self, BufferEntry};
 use crate::cells::{BoxesCells, SegmentCells};
 use crate::counters::{self, Counters, Ends, book_lost};
@@ -8,6 +10,7 @@ use crate::header;
 use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::Ordering;
+use crate::times::{self, OrderTimes, Spread, TimesAccount};
 use crate::words::{self, DriverState, Leds, ModemInputs, Reason};
 
 /// A view of one CP that does not disturb it. Every value is a single word, checked.
@@ -15,11 +18,12 @@ use crate::words::{self, DriverState, Leds, ModemInputs, Reason};
 pub struct Monitor {
     segment: Segment,
     io: IoBytes,
+    account: Arc<TimesAccount>,
 }
 
 impl Monitor {
     pub(crate) fn new(segment: Segment, io: IoBytes) -> Self {
-        Self { segment, io }
+        Self { segment, io, account: Arc::default() }
     }
 
     #[inline]
@@ -101,6 +105,23 @@ impl Monitor {
     /// drivers.
     pub fn buffer(&self) -> impl Iterator<Item = BufferEntry> {
         buffer::read(&self.cells().buffer)
+    }
+
+    /// Where the time of the last orders and telegrams went, as the driver says, newest first. [`Stage::Seen`] is not
+    /// in it.
+    ///
+    /// [`Stage::Seen`]: crate::Stage::Seen
+    pub fn order_times(&self) -> impl Iterator<Item = OrderTimes> {
+        times::newest(&self.cells().times)
+    }
+
+    /// How long the stages of orders and telegrams took, all so far; empty if the driver does not say it.
+    pub fn spreads(&self) -> impl Iterator<Item = Spread> {
+        self.account.spreads()
+    }
+
+    pub(crate) fn account(&self) -> &TimesAccount {
+        &self.account
     }
 
     /// Whether the driver seems to sleep. The decision to ring is [`crate::CpuSide::take_doorbell`].

@@ -10,6 +10,7 @@ mod module;
 mod plug;
 mod presence;
 mod pump;
+mod times;
 mod translate;
 
 pub use keys::{CpType, KeyedParameters};

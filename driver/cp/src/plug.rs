@@ -8,6 +8,7 @@ use ob1_firmware::{
 };
 
 use crate::line_port::LinePort;
+use crate::times::Tracker;
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
 
 /// Number of the diagnostic record of a CP 040 [S3 "Diagnostic data"] and a CP 341.
@@ -36,6 +37,7 @@ pub(crate) struct SegmentEnd {
     reason: Option<Reason>,
     /// The number listed last, and when.
     listed: Option<(u16, Instant)>,
+    pub(crate) times: Tracker,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +63,7 @@ impl SegmentEnd {
             troubles: Troubles::default(),
             reason: None,
             listed: None,
+            times: Tracker::default(),
         }
     }
 
@@ -91,6 +94,34 @@ impl SegmentEnd {
         if self.listed.is_none_or(|(before, at)| before != number || now >= at + LIST_AGAIN) {
             self.listed = Some((number, now));
             self.segment.enter(number, true);
+        }
+    }
+
+    /// Where the time of orders and telegrams goes.
+    fn account(&mut self, now: Instant, event: &CpEvent<'_>) {
+        let ended = match event {
+            CpEvent::Startup { .. } | CpEvent::Working => {
+                self.times.forget();
+                None
+            }
+            CpEvent::Order(telegram) => {
+                self.times.taken(now, telegram.len());
+                None
+            }
+            CpEvent::OrderDiscarded { .. } => {
+                self.times.none();
+                None
+            }
+            CpEvent::Sent | CpEvent::SendFailed(_) | CpEvent::JobFailed(_) => self.times.ended(now),
+            CpEvent::Received(telegram) => {
+                self.times.received(telegram.len());
+                None
+            }
+            CpEvent::Delivered(_) => self.times.delivered(now),
+            _ => None,
+        };
+        if let Some(times) = ended {
+            self.segment.enter_times(times);
         }
     }
 
@@ -157,6 +188,7 @@ pub(crate) struct Plug<'a, L: ?Sized> {
 
 impl<L: LinePort + ?Sized> Wire for Plug<'_, L> {
     fn transmit(&mut self, bytes: &[u8]) {
+        self.end.times.out(self.now);
         self.line.transmit(self.now, bytes);
     }
 
@@ -211,6 +243,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
 
     fn event(&mut self, now: Instant, event: CpEvent<'_>) {
         self.end.troubles.event(now, &event);
+        self.end.account(now, &event);
         match &event {
             CpEvent::Startup { number, reason } => {
                 let reason = u8::from(*reason == StartReason::ResetRequest);

@@ -12,6 +12,7 @@ use ob1_process::doorbell_closed;
 use ob1_serial::record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
+use rustix::time::{ClockId, clock_gettime};
 use tracing::{info, warn};
 
 use crate::process_line::ProcessLine;
@@ -62,10 +63,13 @@ pub(crate) struct Process {
 
 impl Process {
     pub(crate) fn new(segment: CpSide, spin: Duration, terminate: Arc<AtomicBool>) -> Self {
+        let mut pump = CpPump::new(segment);
+        let (now, start) = (clock_gettime(ClockId::Monotonic), time::Instant::now());
+        pump.set_origin(now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs());
         Self {
-            pump: CpPump::new(segment),
+            pump,
             port: ProcessLine::default(),
-            start: time::Instant::now(),
+            start,
             spin,
             terminate,
             presence: Presence::default(),

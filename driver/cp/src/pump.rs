@@ -60,6 +60,12 @@ impl CpPump {
         }
     }
 
+    /// Says what CLOCK_MONOTONIC shows, in nanoseconds, when the driver's clock shows 0. Without it the driver says no
+    /// times of orders.
+    pub fn set_origin(&mut self, monotonic: u64) {
+        self.end.times.origin = Some(monotonic);
+    }
+
     /// The driver's end of the segment.
     pub const fn segment(&self) -> &CpSide {
         &self.end.segment
@@ -108,6 +114,8 @@ impl CpPump {
     /// Passes in an event of the line; returns the same as [`Self::poll`].
     pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Instant, input: LineInput<'_>, line: &mut L) -> Instant {
         match input {
+            LineInput::Rx(_) => self.end.times.heard(now),
+            LineInput::TxDone => self.end.times.left(now),
             LineInput::Fault(LineFault::Back) => {
                 self.no_line = false;
                 self.line_up(now);
@@ -199,6 +207,9 @@ impl CpPump {
             if !all && !self.end.segment.channel_changed(channel) {
                 continue;
             }
+            if channel == SegmentChannel::Send {
+                self.end.times.posted(self.end.segment.posted());
+            }
             let mut block: ChannelBlock = [0; 64];
             if self.end.segment.read_channel(channel, &mut block) == Freshness::Stale {
                 self.look_again = true;
@@ -233,6 +244,9 @@ impl CpPump {
         let outputs = &mut outputs[..self.end.segment.io_bytes().min(*IO_BYTES.end())];
         if self.end.segment.read_outputs(outputs) == Freshness::Stale {
             self.look_again = true;
+        }
+        if outputs.get(2..4).is_some_and(|count| count[0] & 0x80 == 0 && count != [0, 0]) {
+            self.end.times.posted(self.end.segment.posted());
         }
         self.step(now, CpInput::Outputs(outputs), line);
     }

@@ -13,6 +13,7 @@ use crate::ctl::{self, CtlArgs};
 use crate::debug::{self, DebugArgs};
 use crate::diag::{self, DiagArgs};
 use crate::diff::{self, DiffArgs};
+use crate::driver::{self, DriverArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::force::{self, ForceArgs};
@@ -46,6 +47,7 @@ Examples:
   ob1 show press.toml FB 20                        a block as ladder, function plan or statements
   ob1 import plant.zip --out plant                 a station of a STEP 7 project, without its sources
   ob1 test                                         the tests of this folder and below
+  ob1 driver test ./my-driver                      whether a driver of a CP keeps the rules
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 force press.toml E0.0=1                      a value that stands against the program
@@ -90,6 +92,7 @@ enum Command {
     Bus(BusArgs),
     Exec(Box<ExecArgs>),
     Test(TestArgs),
+    Driver(DriverArgs),
     Xref(XrefArgs),
     Import(ImportArgs),
     Upload(UploadArgs),
@@ -223,6 +226,7 @@ impl Command {
         let exit = match self {
             Command::Exec(args) => return exec::exec(&args).into(),
             Command::Test(args) => return testing::test(&args).into(),
+            Command::Driver(args) => return driver::driver(&args).into(),
             Command::Import(args) => return import::import(&args).into(),
             Command::Upload(args) => return import::upload(&args).into(),
             Command::Download(args) => return import::download(&args).into(),

@@ -21,6 +21,7 @@ Exit codes:
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault,
   15 a replay has other values.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
+  driver test: 0 all rules kept, 1 a rule broken, 2 the driver cannot be started.
   import, upload: 0 the whole program came over, 1 blocks were left out or the station does not start
   yet, 2 nothing could be read or written.
   load: 0 loaded, or with --check a difference; 1 nothing to load.

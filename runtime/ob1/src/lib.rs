@@ -15,6 +15,7 @@ pub mod ctl;
 pub mod debug;
 pub mod diag;
 pub mod diff;
+pub mod driver;
 pub mod exec;
 pub mod exit;
 pub mod force;

@@ -216,6 +216,14 @@ fn module_text(module: &ModuleStatus) -> String {
         }
         out.push('\n');
     }
+    for kind in ["order", "telegram"] {
+        let of_kind = module.stages.iter().filter(|stage| stage.kind == kind);
+        let stages: Vec<String> =
+            of_kind.map(|stage| format!("{} {:.3}", stage.stage, stage.mean_ns as f64 / 1e6)).collect();
+        if !stages.is_empty() {
+            out += &format!("    {kind}s, ms to: {}\n", stages.join(", "));
+        }
+    }
     if let Some(reason) = &module.reason {
         out += &format!("    {}\n", reason.text);
         if !reason.remedy.is_empty() {
@@ -278,6 +286,10 @@ mod tests {
             "text": "waits for FC 9 (8001h), for 12 s", "remedy": "Call FC 9."});
         let reason = "    waits for FC 9 (8001h), for 12 s\n    = Call FC 9.\n";
         assert_eq!(text(&module), format!("{head}; events lost 7\n{reason}"));
+        module["stages"] = json!([{"kind": "order", "stage": "taken", "count": 2, "mean_ns": 1_500_000, "buckets": []},
+            {"kind": "order", "stage": "seen", "count": 2, "mean_ns": 20_000, "buckets": []}]);
+        let times = "    orders, ms to: taken 1.500, seen 0.020\n";
+        assert_eq!(text(&module), format!("{head}; events lost 7\n{times}{reason}"));
         let inputs = json!({"name": "di", "type": "inputs", "address": 0, "present": true, "leds": [], "counters": {}});
         assert_eq!(text(&inputs), "di (inputs at 0): present\n");
     }

@@ -20,6 +20,12 @@ impl MonotonicClock {
         Self { origin: monotonic() }
     }
 
+    /// What CLOCK_MONOTONIC shows when this clock shows 0.
+    #[must_use]
+    pub fn origin(&self) -> Instant {
+        self.origin
+    }
+
     /// The time now: [`Instant::START`] was at [`MonotonicClock::start`].
     #[must_use]
     pub fn time(&self) -> Instant {

@@ -15,6 +15,7 @@ use ob1_rt::{Grant, MonotonicClock};
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
 };
+use crate::access::stage::StageStatus;
 use crate::bus_view::BusView;
 use crate::download::Loads;
 use crate::drivers::state_text;
@@ -140,6 +141,7 @@ impl ModuleView {
             leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
             counters: counters.unwrap_or_default(),
+            stages: monitor.map(|monitor| monitor.spreads().map(StageStatus::of).collect()).unwrap_or_default(),
             reason: self.reason(now),
         }
     }

@@ -1,13 +1,17 @@
 //! The back plane alone: a round trip of sixteen bytes between two spinning processes, compared with a round trip of
-//! one word.
+//! one word and with iceoryx2; a round trip to a driver that sleeps, compared with a bare eventfd and with iceoryx2's
+//! event.
 
+use std::io::Write as _;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
+use rustix::event::{PollFd, PollFlags, poll};
 
+use super::iceoryx::{Events, Registered};
 use super::peer::{Failure, Peer, Words};
-use super::{Figure, in_turns};
+use super::{Figure, in_turns, median};
 
 const ROUND_TRIPS: u64 = 20_000;
 const ROUNDS: usize = 31;
@@ -42,6 +46,178 @@ pub fn answer_word(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// The peer's side of a driver that sleeps as docs/backplane.md says.
+///
+/// # Errors
+/// If the segment cannot be attached or the doorbell fails.
+pub fn answer_asleep(path: &Path) -> Result<(), Failure> {
+    let mut side = CpSide::attach(&Segment::open(path)?)?;
+    let (stdin, mut registers, mut bytes) = (rustix::stdio::stdin(), [0u8; 16], [0u8; 64]);
+    loop {
+        let mark = side.changes();
+        if side.outputs_changed() {
+            let _ = side.read_outputs(&mut registers);
+            side.write_inputs(&registers);
+        }
+        if side.prepare_sleep(mark) {
+            poll(&mut [PollFd::new(&stdin, PollFlags::IN)], None)?;
+            if rustix::io::read(stdin, &mut bytes)? == 0 {
+                return Ok(());
+            }
+        }
+        side.awake();
+    }
+}
+
+/// The peer's side of a bare eventfd, its standard input: it sleeps in a read, and answers in the word.
+///
+/// # Errors
+/// If the segment cannot be opened.
+pub fn answer_eventfd(path: &Path) -> Result<(), Failure> {
+    let segment = Segment::open(path)?;
+    let words = Words::of(&segment)?;
+    let mut count = [0u8; 8];
+    loop {
+        rustix::io::read(rustix::stdio::stdin(), &mut count)?;
+        words.answer();
+    }
+}
+
+/// Time for the other side to fall asleep before it is woken.
+const NAP: Duration = Duration::from_micros(150);
+/// Round trips to a side that sleeps, in a round.
+const WAKES: u32 = 300;
+
+/// The mean time of `trip`, to a side that has fallen asleep.
+fn asleep(mut trip: impl FnMut() -> Result<(), Failure>) -> Result<f64, Failure> {
+    let mut total = Duration::ZERO;
+    for _ in 0..WAKES {
+        let start = Instant::now();
+        while start.elapsed() < NAP {
+            std::hint::spin_loop();
+        }
+        let start = Instant::now();
+        trip()?;
+        total += start.elapsed();
+    }
+    Ok(total.as_nanos() as f64 / f64::from(WAKES))
+}
+
+/// A driver that sleeps beside a bare eventfd and iceoryx2's event: the answer of the first two is a word, on which
+/// this side spins; that of the third another event.
+///
+/// # Errors
+/// If a segment or a process cannot be created.
+pub fn measure_asleep() -> Result<Vec<Figure>, Failure> {
+    let registers = Segment::create_shared()?;
+    let mut cpu = CpuSide::create(&registers, 16)?;
+    let word = Segment::create_shared()?;
+    let words = Words::of(&word)?;
+    let mut driver = Peer::start("asleep", &registers)?;
+    let bell = driver.stdin().ok_or("no pipe")?;
+    let eventfd = rustix::event::eventfd(0, rustix::event::EventfdFlags::CLOEXEC)?;
+    let _bare = Peer::start_with("eventfd", &word, eventfd.try_clone()?)?;
+    let process = std::process::id().to_string();
+    let events = Events::new(&process, "there", "back")?;
+    let _other = Peer::start_by_name("iceoryx-event", &process)?;
+    let (mut serial, mut of_registers, mut of_eventfd, mut of_events) = (0u64, Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..ROUNDS {
+        of_registers.push(asleep(|| {
+            serial += 1;
+            let mut registers = [0u8; 16];
+            registers.as_chunks_mut().0.fill(serial.to_ne_bytes());
+            cpu.write_outputs(&registers);
+            if cpu.take_doorbell() {
+                bell.write_all(&[1])?;
+            }
+            wait_for(&mut cpu, serial);
+            Ok(())
+        })?);
+        of_eventfd.push(asleep(|| {
+            words.call();
+            rustix::io::write(&eventfd, &1u64.to_ne_bytes())?;
+            words.wait();
+            Ok(())
+        })?);
+        of_events.push(asleep(|| {
+            events.notify()?;
+            events.wait()
+        })?);
+    }
+    let [value, bare, event] = [&mut of_registers, &mut of_eventfd, &mut of_events].map(|of| median(of));
+    let figure = |floor, aim| Figure {
+        what: "back plane round trip, 16 bytes, driver asleep".into(),
+        value,
+        unit: "ns",
+        floor: Some(floor),
+        aim,
+    };
+    Ok(vec![
+        figure(("bare eventfd wake-up, word back", bare), ("<= 1.05 x floor", value <= 1.05 * bare)),
+        figure(("iceoryx2 event there and back, both asleep", event), ("", true)),
+    ])
+}
+
+/// The back plane beside iceoryx2: a round trip of ours against one way of its publish-subscribe, half of its round
+/// trip.
+///
+/// # Errors
+/// If a segment or a process cannot be created.
+pub fn measure_iceoryx() -> Result<Figure, Failure> {
+    let registers = Segment::create_shared()?;
+    let mut cpu = CpuSide::create(&registers, 16)?;
+    let mut serial = 0u64;
+    let mut through_registers = || round_trip(&mut cpu, &mut serial);
+    let process = std::process::id().to_string();
+    let ends = Registered::new(&process, "there", "back")?;
+    let (ours, theirs) = in_turns(
+        ROUNDS,
+        || timed(&registers, "registers", &mut through_registers),
+        || {
+            let _peer = Peer::start_by_name("iceoryx", &process)?;
+            ends.send([0; 2])?;
+            ends.receive()?;
+            let start = Instant::now();
+            for round in 0..ROUND_TRIPS {
+                ends.send([round; 2])?;
+                ends.receive()?;
+            }
+            Ok(start.elapsed().as_nanos() as f64 / ROUND_TRIPS as f64 / 2.0)
+        },
+    )?;
+    Ok(Figure {
+        what: "back plane round trip, 16 bytes, both spin".into(),
+        value: ours,
+        unit: "ns",
+        floor: Some(("iceoryx2 publish-subscribe, one way", theirs)),
+        aim: ("<= 1.0 x floor", ours <= theirs),
+    })
+}
+
+/// One round trip of sixteen bytes.
+fn round_trip(cpu: &mut CpuSide, serial: &mut u64) {
+    *serial += 1;
+    // Word by word: sixteen bytes compared at once would wait for the two words just stored.
+    let mut registers = [0u8; 16];
+    registers.as_chunks_mut().0.fill(serial.to_ne_bytes());
+    cpu.write_outputs(&registers);
+    wait_for(cpu, *serial);
+}
+
+/// Spins until both words are this one.
+fn wait_for(cpu: &mut CpuSide, serial: u64) {
+    let mut registers = [0u8; 16];
+    loop {
+        if cpu.inputs_changed() {
+            let _ = cpu.read_inputs(&mut registers);
+            if registers.as_chunks().0.iter().all(|word| u64::from_ne_bytes(*word) == serial) {
+                break;
+            }
+        }
+        std::hint::spin_loop();
+    }
+}
+
 /// Runs the measurement.
 ///
 /// # Errors
@@ -53,22 +229,7 @@ pub fn measure() -> Result<Figure, Failure> {
     let words = Words::of(&word)?;
 
     let mut serial = 0u64;
-    let mut through_registers = || {
-        serial += 1;
-        // Word by word: sixteen bytes compared at once would wait for the two words just stored.
-        let mut registers = [0u8; 16];
-        registers.as_chunks_mut().0.fill(serial.to_ne_bytes());
-        cpu.write_outputs(&registers);
-        loop {
-            if cpu.inputs_changed() {
-                let _ = cpu.read_inputs(&mut registers);
-                if registers.as_chunks().0.iter().all(|word| u64::from_ne_bytes(*word) == serial) {
-                    break;
-                }
-            }
-            std::hint::spin_loop();
-        }
-    };
+    let mut through_registers = || round_trip(&mut cpu, &mut serial);
     let (registers, word) = in_turns(
         ROUNDS,
         || timed(&registers, "registers", &mut through_registers),

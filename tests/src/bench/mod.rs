@@ -11,6 +11,7 @@ pub mod compile;
 pub mod disturb;
 pub mod driver;
 pub mod engines;
+pub mod iceoryx;
 pub mod io;
 pub mod kill_runtime;
 pub mod line;

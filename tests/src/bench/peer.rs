@@ -2,6 +2,7 @@
 
 use std::error::Error;
 use std::io::Read as _;
+use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,6 +26,27 @@ impl Peer {
         let path = segment.path().ok_or("a peer needs a shared segment")?;
         let mut command = Command::new(std::env::current_exe()?);
         Ok(Self(command.arg("--peer").arg(role).arg(path).stdin(Stdio::piped()).spawn()?))
+    }
+
+    /// The same, with a descriptor as its standard input.
+    ///
+    /// # Errors
+    /// If the process cannot be started, or the segment is on the heap.
+    pub fn start_with(role: &str, segment: &Segment, stdin: OwnedFd) -> Result<Self, Failure> {
+        let path = segment.path().ok_or("a peer needs a shared segment")?;
+        let mut command = Command::new(std::env::current_exe()?);
+        Ok(Self(command.arg("--peer").arg(role).arg(path).stdin(stdin).spawn()?))
+    }
+
+    /// The same, for a peer that needs a name in place of a segment; it says when it is there.
+    ///
+    /// # Errors
+    /// If the process cannot be started, or ends before.
+    pub fn start_by_name(role: &str, name: &str) -> Result<Self, Failure> {
+        let mut command = Command::new(std::env::current_exe()?);
+        let mut peer = Self(command.args(["--peer", role, name]).stdout(Stdio::piped()).spawn()?);
+        peer.0.stdout.as_mut().ok_or("no pipe")?.read_exact(&mut [0])?;
+        Ok(peer)
     }
 
     /// The write end of its standard input.

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code,
-    memory, record, s7, scan, stl, wake, watch,
+    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, iceoryx, io, kill_runtime, line,
+    machine_code, memory, record, s7, scan, stl, wake, watch,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -153,6 +153,10 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
         "registers" => backplane::answer_registers(path),
         "word" => backplane::answer_word(path),
+        "asleep" => backplane::answer_asleep(path),
+        "eventfd" => backplane::answer_eventfd(path),
+        "iceoryx" => iceoryx::answer_registers(path),
+        "iceoryx-event" => iceoryx::answer_event(path),
         "pipe" => answer_pipe(path),
         _ => Err(format!("no such role: {role}").into()),
     }
@@ -171,7 +175,11 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
                 figures
             }
             "pair" => vec![scan::idle_pair()?],
-            "backplane" => vec![backplane::measure()?],
+            "backplane" => {
+                let mut all = vec![backplane::measure()?, backplane::measure_iceoryx()?];
+                all.extend(backplane::measure_asleep()?);
+                all
+            }
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
             "compile" => {

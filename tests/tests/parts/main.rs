@@ -6,5 +6,6 @@ mod fuzz_corpus;
 mod handling_interfaces;
 mod mbus_records;
 mod modbus_master_32;
+mod protocol_model;
 mod siege;
 mod tcm120;

@@ -11,6 +11,7 @@ mod cp341;
 mod cp343;
 mod debugging;
 mod diag;
+mod driver_kit;
 mod engine;
 mod enocean;
 mod fault_walk;

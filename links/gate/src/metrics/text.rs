@@ -259,6 +259,18 @@ fn modules(page: &mut Page, status: &Value) {
             page.sample("ob1_cp_total", &labels, number(value));
         }
     }
+    page.family(
+        "ob1_order_stage_seconds",
+        "histogram",
+        "where the time of orders and telegrams goes (docs/backplane.md)",
+    );
+    for module in modules {
+        for stage in list(&module["stages"]) {
+            let (kind, name) = (text(&stage["kind"]), text(&stage["stage"]));
+            let labels = [("module", text(&module["name"])), ("kind", kind), ("stage", name)];
+            page.histogram("ob1_order_stage_seconds", &labels, stage);
+        }
+    }
     page.family("ob1_cp_reason", "gauge", "what a CP waits for or what has failed (docs/access.md)");
     for module in modules.iter().filter(|module| module["reason"].is_object()) {
         let labels = [("module", text(&module["name"])), ("reason", text(&module["reason"]["why"]))];
@@ -331,6 +343,7 @@ mod tests {
                     "name": "cp", "type": "cp340", "present": true, "leds": ["TXD"],
                     "driver": { "starts": 2, "losses": 1, "state": "line error 5" },
                     "counters": { "telegrams_sent": 7, "ended_07h": 2 },
+                    "stages": [{ "kind": "order", "stage": "taken", "mean_ns": 20_000, "buckets": [[10_000, 1], [100_000, 2]] }],
                     "reason": { "why": "order_failed", "number": 7, "count": 2, "age_s": 3, "text": "no answer", "remedy": "" },
                 }],
             }),
@@ -372,6 +385,9 @@ mod tests {
             r#"ob1_line_ready{module="cp",type="cp340"} 0"#,
             r#"ob1_cp_total{module="cp",counter="telegrams_sent"} 7"#,
             r#"ob1_cp_total{module="cp",counter="ended_07h"} 2"#,
+            r#"ob1_order_stage_seconds_bucket{module="cp",kind="order",stage="taken",le="0.00001"} 1"#,
+            r#"ob1_order_stage_seconds_count{module="cp",kind="order",stage="taken"} 3"#,
+            r#"ob1_order_stage_seconds_sum{module="cp",kind="order",stage="taken"} 0.00006"#,
             r#"ob1_cp_reason{module="cp",reason="order_failed"} 1"#,
             r#"ob1_led{module="cp",led="TXD"} 1"#,
             r#"ob1_link_up{link="figures"} 0"#,

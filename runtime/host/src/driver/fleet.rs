@@ -2,6 +2,7 @@
 
 use std::io;
 use std::os::fd::OwnedFd;
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -336,7 +337,10 @@ impl Driver {
         self.status.attempts.fetch_add(1, Ordering::Release);
         self.last_beat = self.monitor.cp_heartbeat();
         let own = self.hand_over.as_ref().map(|make| make()).transpose();
-        match own.and_then(|own| Process::start(&self.command, &self.segment, &self.stdin, own.as_ref())) {
+        let segment = self.segment.descriptor().ok_or(io::ErrorKind::Unsupported);
+        let start =
+            |own: Option<OwnedFd>| Process::start(&self.command, segment?, &self.stdin, own.as_ref(), Stdio::inherit());
+        match own.and_then(start) {
             Ok(process) => {
                 self.status.pid.store(process.id(), Ordering::Release);
                 self.process = Some(process);

@@ -10,4 +10,4 @@ mod process;
 
 pub use doorbell::Doorbell;
 pub use fleet::{DriverPort, DriverStatus, Fleet, HandOver, RunningFleet, STOP_WAIT};
-pub use process::{DriverCommand, kept_environment};
+pub use process::{DriverCommand, Process, kept_environment};

@@ -3,13 +3,12 @@
 use std::ffi::OsString;
 use std::io;
 use std::iter;
-use std::os::fd::{AsFd as _, OwnedFd};
+use std::os::fd::{AsFd as _, AsRawFd as _, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 
-use ob1_backplane::Segment;
 use ob1_rt::{ProcessState, process_state};
 use ob1_socket::handover;
 use ob1_time::Span;
@@ -47,7 +46,7 @@ pub fn kept_environment() -> impl Iterator<Item = (&'static str, OsString)> {
 
 /// A process that runs, and the descriptor that says when it no longer does.
 #[derive(Debug)]
-pub(super) struct Process {
+pub struct Process {
     child: Child,
     pidfd: OwnedFd,
     /// Time it had had on a core when its silence was first seen.
@@ -60,17 +59,19 @@ impl Process {
     ///
     /// The segment's descriptor is in a socket that is its standard output: `/proc/PID/fd` is closed to a driver with
     /// fewer rights than the runtime. The path is for drivers by others, and for people.
-    pub(super) fn start(
+    ///
+    /// # Errors
+    /// The system's error: there is no such program, or no process or descriptor left.
+    pub fn start(
         command: &DriverCommand,
-        segment: &Segment,
+        segment: BorrowedFd<'_>,
         stdin: &OwnedFd,
         own: Option<&OwnedFd>,
+        stderr: Stdio,
     ) -> io::Result<Self> {
-        let (Some(path), Some(descriptor)) = (segment.path(), segment.descriptor()) else {
-            return Err(io::Error::new(io::ErrorKind::Unsupported, "its segment is not shared memory"));
-        };
+        let path = format!("/proc/{}/fd/{}", std::process::id(), segment.as_raw_fd());
         let (ours, stdout) = handover::pair()?;
-        let handed: Vec<_> = iter::once(descriptor)
+        let handed: Vec<_> = iter::once(segment)
             .chain(command.descriptors.iter().map(|fd| fd.as_fd()))
             .chain(own.map(|fd| fd.as_fd()))
             .collect();
@@ -84,6 +85,7 @@ impl Process {
             .envs(command.env.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::from(stdin.try_clone()?))
             .stdout(Stdio::from(stdout))
+            .stderr(stderr)
             .process_group(0)
             .spawn()?;
         match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
@@ -96,7 +98,9 @@ impl Process {
         }
     }
 
-    pub(super) fn id(&self) -> u32 {
+    /// Its number, which is that of its process group too.
+    #[must_use]
+    pub fn id(&self) -> u32 {
         self.child.id()
     }
 
@@ -106,23 +110,24 @@ impl Process {
     }
 
     /// It has given a sign of life.
-    pub(super) fn has_beaten(&mut self) {
+    pub fn has_beaten(&mut self) {
         self.silent_at = None;
     }
 
     /// Whether it is silent because it cannot run.
-    pub(super) fn is_starved(&mut self) -> bool {
+    pub fn is_starved(&mut self) -> bool {
         let Some(ProcessState { state, ran }) = process_state(self.id()) else { return false };
         is_starved(state, ran.saturating_sub(*self.silent_at.get_or_insert(ran)))
     }
 
-    pub(super) fn kill(&mut self) {
+    /// Kills it (SIGKILL).
+    pub fn kill(&mut self) {
         // An error means that it has ended by itself meanwhile; its end is seen either way.
         let _ = self.child.kill();
     }
 
     /// How it ended, if it has.
-    pub(super) fn ended(&mut self) -> Option<Exit> {
+    pub fn ended(&mut self) -> Option<Exit> {
         match self.child.try_wait() {
             Ok(status) => status.map(exit_of),
             // Another has waited for it: it is gone nevertheless.
@@ -131,7 +136,7 @@ impl Process {
     }
 
     /// Waits for its end.
-    pub(super) fn wait(&mut self) {
+    pub fn wait(&mut self) {
         let _ = self.child.wait();
     }
 }

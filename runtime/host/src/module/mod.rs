@@ -128,6 +128,7 @@ impl Module for CpModule {
     }
 
     fn begin_scan(&mut self, now: Instant) {
+        self.side.begin_scan(now.nanos());
         self.messages.time(now);
         if let Err(fault) = self.side.monitor().driver_state() {
             self.garbage(fault);
@@ -157,6 +158,7 @@ impl Module for CpModule {
     }
 
     fn end_scan(&mut self, now: Instant) {
+        self.side.end_scan(now.nanos(), |_| ());
         self.side.set_time(now.nanos());
         self.side.beat();
         if self.side.take_doorbell() {

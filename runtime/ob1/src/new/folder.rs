@@ -1,6 +1,8 @@
 //! Writing the folder: whole, or not at all.
 
+use std::fs::Permissions;
 use std::io::{self, ErrorKind};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 use super::{REFUSED, Refusal, TAKEN};
@@ -14,11 +16,17 @@ pub(super) struct File {
     /// What it is for.
     pub(super) what: &'static str,
     pub(super) text: String,
+    is_program: bool,
 }
 
 impl File {
     pub(super) fn new(name: impl Into<String>, what: &'static str, text: String) -> Self {
-        Self { name: name.into(), what, text }
+        Self { name: name.into(), what, text, is_program: false }
+    }
+
+    /// One that can be run.
+    pub(super) fn program(name: impl Into<String>, what: &'static str, text: String) -> Self {
+        Self { is_program: true, ..Self::new(name, what, text) }
     }
 }
 
@@ -48,6 +56,9 @@ fn fill(path: &Path, files: &[File]) -> io::Result<()> {
             std::fs::create_dir_all(folder)?;
         }
         std::fs::write(&target, &file.text)?;
+        if file.is_program {
+            std::fs::set_permissions(&target, Permissions::from_mode(0o755))?;
+        }
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
-//! `ob1 new`: a folder with a station, or with a plugin, that runs at once.
+//! `ob1 new`: a folder with a station, a plugin or a driver, that runs at once.
 
+mod driver;
 mod folder;
 mod plugin;
 mod station;
@@ -22,15 +23,16 @@ const REFUSED: &str = "N003";
 /// The crate for plugins in Rust is not to be found.
 const NO_SDK: &str = "N004";
 
-/// Write a new station or a new plugin, that runs at once
+/// Write a new station, plugin or driver, that runs at once
 ///
-/// The folder must not be there yet. Its name is that of the station or the plugin: 1 to 40 letters, digits, - and _,
+/// The folder must not be there yet. Its name is that of the station, plugin or driver: 1 to 40 letters, digits, - and _,
 /// without - in front.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 new station press\n  ob1 new station press --language scl\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
-    ob1 new plugin batch\n  ob1 new plugin batch --language rust\n\n\
-    Errors:\n  N001  the name is not valid for a station or plugin\n  N002  the folder exists already\n  \
+    ob1 new plugin batch\n  ob1 new plugin batch --language rust\n  \
+    ob1 new driver scale\n  ob1 new driver scale --language python\n\n\
+    Errors:\n  N001  the name is not valid for it\n  N002  the folder exists already\n  \
     N003  the system refuses to write there\n  N004  ob1-sdk cannot be found\n\n\
     Exit codes: 0 written, 1 nothing was written, 6 the system refused."
 )]
@@ -59,6 +61,14 @@ enum What {
         /// The folder of the crate ob1-sdk [default: that of this installation]
         #[arg(long, value_name = "DIR")]
         sdk: Option<PathBuf>,
+    },
+    /// A driver of a CP 240 in C or Python, and a station that uses it
+    Driver {
+        /// The folder to write; its last part is the driver's name
+        name: PathBuf,
+        /// What the driver is written in
+        #[arg(long, value_enum, default_value_t = driver::Language::C)]
+        language: driver::Language,
     },
 }
 
@@ -106,6 +116,9 @@ pub fn new(args: &NewArgs) -> Exit {
         }
         What::Plugin { name, language, sdk } => {
             write(name, "plugin", |of| plugin::files(of, *language, sdk.as_deref(), name), plugin::next(*language))
+        }
+        What::Driver { name, language } => {
+            write(name, "driver", |of| Ok(driver::files(of, *language)), driver::next(*language))
         }
     };
     match written {
@@ -194,6 +207,9 @@ mod tests {
         all.extend(station::files("press", Program::Scl, &[]));
         for language in [Language::C, Language::Rust] {
             all.extend(plugin::unchecked("press", language, &sdk));
+        }
+        for language in [driver::Language::C, driver::Language::Python] {
+            all.extend(driver::files("press", language));
         }
         for file in all {
             let is_word = |text: &&str| !text.is_empty() && text.chars().all(|c| c.is_ascii_uppercase());

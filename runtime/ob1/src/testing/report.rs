@@ -22,10 +22,18 @@ pub struct Outcome {
 /// An expectation that does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// The line in the test file.
-    pub line: u32,
+    /// The line in the test file; `None`: what was tested has no lines.
+    pub line: Option<u32>,
     /// Step, time and what was expected and found.
     pub text: String,
+}
+
+impl Failure {
+    /// With its place.
+    fn at(&self, file: &str) -> String {
+        let Self { line, text } = self;
+        line.map_or_else(|| format!("{file}: {text}"), |line| format!("{file}:{line}: {text}"))
+    }
 }
 
 /// What became of one test file.
@@ -57,7 +65,7 @@ impl FileReport {
             let verdict = if outcome.failures.is_empty() { "ok    " } else { "FAILED" };
             let _ = writeln!(out, "{verdict} {}: {} ({:.3} s)", self.file, outcome.name, outcome.plc_seconds);
             for failure in &outcome.failures {
-                let _ = writeln!(out, "  {}:{}: {}", self.file, failure.line, failure.text);
+                let _ = writeln!(out, "  {}", failure.at(&self.file));
             }
         }
         out
@@ -101,8 +109,7 @@ fn junit(reports: &[FileReport]) -> String {
                 out.push_str("/>\n");
                 continue;
             };
-            let lines: Vec<String> =
-                outcome.failures.iter().map(|f| format!("{}:{}: {}", report.file, f.line, f.text)).collect();
+            let lines: Vec<String> = outcome.failures.iter().map(|failure| failure.at(&report.file)).collect();
             let _ = writeln!(
                 out,
                 ">\n      <failure message=\"{}\">{}</failure>\n    </testcase>",
@@ -139,7 +146,7 @@ mod tests {
 
     #[test]
     fn junit_is_well_formed() {
-        let failed = Failure { line: 7, text: "A 4.0 <1> & \"2\"\u{1}".into() };
+        let failed = Failure { line: Some(7), text: "A 4.0 <1> & \"2\"\u{1}".into() };
         let outcome =
             |name: &str, failures| Outcome { name: name.into(), failures, plc_seconds: 1.0, wall_seconds: 0.5 };
         let report = FileReport {

@@ -218,7 +218,7 @@ impl<'p> Ready<'p> {
             );
             failures.extend(found.into_iter().map(|(at, text)| {
                 let line = source.finding(Level::Error, "", at, String::new(), String::new()).line;
-                Failure { line, text: format!("{text} ({place})") }
+                Failure { line: Some(line), text: format!("{text} ({place})") }
             }));
         }
         Ok(Outcome {

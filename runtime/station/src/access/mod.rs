@@ -10,4 +10,5 @@ pub(crate) mod facts;
 pub mod pass;
 pub mod protocol;
 pub mod server;
+pub mod stage;
 pub mod why;

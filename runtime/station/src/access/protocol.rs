@@ -399,6 +399,9 @@ pub struct ModuleStatus {
     pub driver: Option<DriverStatus>,
     /// Its counters by name (docs/backplane.md).
     pub counters: BTreeMap<String, u64>,
+    /// Where the time of its orders and telegrams goes; empty if its driver does not say it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<super::stage::StageStatus>,
     /// Why nothing happens at a CP, or what has failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<ReasonStatus>,

@@ -226,6 +226,7 @@ pub fn assemble(
     clock: MonotonicClock,
 ) -> Result<Assembly, AssemblyError> {
     let mut building = Building {
+        clock,
         station,
         drivers,
         rundir,
@@ -373,6 +374,7 @@ pub fn published(station: &Station) -> Vec<PathBuf> {
 }
 
 struct Building<'a> {
+    clock: MonotonicClock,
     station: &'a Station,
     drivers: &'a DriverSettings,
     rundir: &'a Path,
@@ -430,6 +432,7 @@ impl Building<'_> {
         let made = if settings.boxes { Segment::create_shared_with_boxes() } else { Segment::create_shared() };
         let segment = made.map_err(|e| system(&e))?;
         let mut side = CpuSide::create(&segment, usize::from(config.input_bytes())).map_err(|e| system(&e))?;
+        side.set_origin(self.clock.origin().nanos());
         // Before the driver looks: otherwise it would report that it has no parameters.
         side.write_params(&settings.parameters, &settings.json).map_err(|e| system(&e))?;
         if let Some(path) = segment.path() {
