@@ -79,6 +79,17 @@ pub(crate) const MOSQUITTO: Need = Need {
 pub(crate) const TSHARK: Need =
     Need { what: "tshark, the dissectors of Wireshark", packages: &["tshark"], here: || on_path("tshark") };
 
+/// Makes images of containers, without a daemon.
+pub(crate) const BUILDAH: Need =
+    Need { what: "buildah", packages: &["buildah", "uidmap"], here: || on_path("buildah") && on_path("newuidmap") };
+
+/// Runs containers without rights.
+pub(crate) const PODMAN: Need = Need {
+    what: "podman with crun",
+    packages: &["podman", "crun", "uidmap"],
+    here: || on_path("podman") && on_path("crun") && on_path("newuidmap"),
+};
+
 /// A batch engine, with the daemon that vouches for its users.
 pub(crate) const SLURM: Need = Need {
     what: "Slurm, a batch engine",

@@ -23,6 +23,7 @@ use crate::new::{self, NewArgs};
 use crate::print::{self, PrintArgs};
 use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
+use crate::roll::{self, RollArgs};
 use crate::show::{self, ShowArgs};
 use crate::soak::{self, SoakArgs};
 use crate::status::{self, StatusArgs};
@@ -53,6 +54,8 @@ Examples:
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
   ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
+  ob1 list                                         all stations of this machine
+  ob1 roll press1 press2 --run 'systemctl restart ob1@{}'   one after the other, as long as each comes back
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
 
@@ -97,6 +100,7 @@ enum Command {
     Print(PrintArgs),
     Load(LoadArgs),
     Restart(RestartArgs),
+    Roll(RollArgs),
     List(ListArgs),
     New(NewArgs),
     Get(GetArgs),
@@ -241,6 +245,7 @@ impl Command {
             Command::Print(args) => print::print(&args),
             Command::Load(args) => load::load(&args),
             Command::Restart(args) => restart::restart(&args),
+            Command::Roll(args) => roll::roll(&args),
             Command::List(args) => list::list(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(&args),

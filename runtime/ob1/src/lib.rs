@@ -27,6 +27,7 @@ pub mod new;
 pub mod print;
 pub mod remote;
 pub mod restart;
+pub mod roll;
 pub mod show;
 pub mod soak;
 pub mod statistics;

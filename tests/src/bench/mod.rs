@@ -19,6 +19,7 @@ pub mod memory;
 pub mod peer;
 pub mod s7;
 pub mod scan;
+pub mod stations;
 pub mod stl;
 pub mod wake;
 pub mod watch;
