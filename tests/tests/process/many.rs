@@ -16,7 +16,7 @@ fn station(site: &Site, name: &str, keys: &str) -> Running {
         &format!("{name}.toml"),
         &format!(
             "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"20s\"\n\n[program]\nsources = [\"plant.awl\"]\n\n\
-             [retentive]\nevery = \"100ms\"\n\n{keys}"
+             [retentive]\nmemory = [\"100..199\"]\nevery = \"100ms\"\n\n{keys}"
         ),
     );
     site.run(&format!("{name}.toml")).until_run()
@@ -29,7 +29,7 @@ fn listed(site: &Site) -> Vec<Value> {
 
 /// Restarts a station as a service manager would.
 const RENEW: &str = "set -e\npid=$(ob1 list --json | tr -d ' \\n' | sed 's/},{/\\n/g' | sed -n \"s/.*\\\"name\\\":\\\"$1\\\".*\\\"pid\\\":\\([0-9]*\\).*/\\1/p\")\n\
-    kill -TERM $pid\ntail --pid=$pid -f /dev/null\nif [ \"$2\" = \"$1\" ]; then mv .$1.retentive.[ab] lost/; fi\n\
+    kill -TERM $pid\nwhile ob1 ctl $1 status >/dev/null 2>&1; do :; done\nif [ \"$2\" = \"$1\" ]; then mv .$1.retentive.[ab] lost/; fi\n\
     setsid ob1 run --quiet $1.toml >$1.out 2>$1.err </dev/null &\n";
 
 fn roll(site: &Site, args: &[&str]) -> Said {
