@@ -1,13 +1,14 @@
 //! The image of a container: the programs and plugins of the package, the C library they need, and nothing else.
 //!
 //! buildah makes it from nothing, without a daemon and without another image. It is kept in two forms: by the OCI's
-//! specification, which has no health check, and in Docker's form, which has one.
+//! specification, which has no health check, and in Docker's form, which has one (and the number of the container that
+//! has made it, so that only the other one is the same each time).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::Site;
+use super::{Site, archive};
 use super::parts::Parts;
 use super::stage::Stage;
 use crate::cargo;
@@ -41,8 +42,8 @@ pub(super) fn build(site: &Site, parts: &Parts) -> Outcome<Image> {
         std::fs::set_permissions(stage.root.join(folder), mode).map_err(|why| step(format!("{folder}: {why}")))?;
     }
     let name = format!("ob1:{}", parts.version);
-    let archive = |form: &str| site.dist.join(format!("ob1-{}-{}-{form}.tar", parts.version, std::env::consts::ARCH));
-    let image = Image { oci: archive("oci"), docker: archive("docker"), kib: stage.kib()?, name };
+    let named = |form: &str| site.dist.join(format!("ob1-{}-{}-{form}.tar", parts.version, std::env::consts::ARCH));
+    let image = Image { oci: named("oci"), docker: named("docker"), kib: stage.kib()?, name };
     for file in [&image.oci, &image.docker] {
         let _ = std::fs::remove_file(file);
     }
@@ -50,7 +51,7 @@ pub(super) fn build(site: &Site, parts: &Parts) -> Outcome<Image> {
     let container = store.read(&["from", "--name", "ob1-image", "scratch"])?;
     // As root of the image: who has built it does not matter.
     store.run(&["copy", "--quiet", "--chown", "0:0", &container, &format!("{}/", stage.root.display()), "/"])?;
-    let health = format!("CMD [\"/usr/bin/ob1\", \"ctl\", \"{STATION}\", \"ready\"]");
+    let health = format!("CMD /usr/bin/ob1 ctl {STATION} ready");
     store.run(&[
         "config",
         "--entrypoint",
@@ -84,7 +85,12 @@ pub(super) fn build(site: &Site, parts: &Parts) -> Outcome<Image> {
     let epoch = site.epoch.to_string();
     store.run(&["commit", "--quiet", "--format", "docker", "--timestamp", &epoch, &container, &image.name])?;
     store.run(&["push", "--quiet", &image.name, &format!("docker-archive:{}:{}", image.docker.display(), image.name)])?;
-    store.run(&["push", "--quiet", "--format", "oci", &image.name, &format!("oci-archive:{}:{}", image.oci.display(), image.name)])?;
+    // A folder, packed by ourselves: buildah dates the archive by the clock.
+    let layout = site.dist.join("layout");
+    let _ = std::fs::remove_dir_all(&layout);
+    store.run(&["push", "--quiet", "--format", "oci", &image.name, &format!("oci:{}:{}", layout.display(), image.name)])?;
+    archive::sorted(&layout, &image.oci, site.epoch)?;
+    let _ = std::fs::remove_dir_all(&layout);
     Ok(image)
 }
 
