@@ -10,6 +10,8 @@ pub mod fuzz;
 pub mod meters;
 pub mod modbus_slave;
 pub mod opcua;
+#[path = "../../xtask/src/campaign/part.rs"]
+pub mod part;
 pub mod programs;
 pub mod s7_raw;
 pub mod siege;

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use ob1_line::sim::SplitMix64;
 
+use crate::part::Part;
+
 /// Rounds of a siege: those given to the verb, or these.
 ///
 /// # Panics
@@ -22,6 +24,22 @@ pub fn rounds(in_the_suite: u64) -> u64 {
         Ok(text) => text.parse().unwrap_or_else(|_| panic!("OB1_SIEGE_ROUNDS={text} is not a number")),
         Err(_) => in_the_suite,
     }
+}
+
+/// The draws of a siege: those of this number, and others in each part of a campaign (`--part`).
+#[must_use]
+pub fn random(number: u64) -> SplitMix64 {
+    SplitMix64::new(number ^ first() << 8)
+}
+
+/// Before the first seed of a siege that counts them: 0, and another far away in each part of a campaign.
+///
+/// # Panics
+/// If the environment variable is no part.
+#[must_use]
+pub fn first() -> u64 {
+    let part = std::env::var("OB1_PART").map_or(Part::WHOLE, |text| text.parse().unwrap_or_else(|why| panic!("{why}")));
+    (part.number - 1) << 32
 }
 
 /// Whether this is a campaign: alone on its machine, so that times can be checked. The test suite runs in parallel with

@@ -4,6 +4,7 @@
 //! `cargo xtask test` also runs them, but shorter. A failing seed is printed with the command that replays it; add it
 //! to `driver/protocols/tests/seeds`.
 
+use crate::campaign::Campaign;
 use crate::cargo::cargo;
 use crate::failure::Outcome;
 use crate::tally::{count, is_closing_line};
@@ -26,20 +27,21 @@ struct Wish {
 /// # Errors
 /// If a test cannot be built or a seed fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let wish = parse(args)?;
+    let (mut campaign, args) = Campaign::take("faults", args)?;
+    let wish = parse(&args)?;
     let protocols = pick::some_or_all(wish.protocols, protocols()?, "fault run for")?;
     for (package, binary, folder) in PLACES {
         let here = pick::stems(folder, PREFIX)?;
-        let wanted: Vec<&String> = protocols.iter().filter(|protocol| here.contains(protocol)).collect();
-        if wanted.is_empty() {
-            continue;
+        for protocol in protocols.iter().filter(|protocol| here.contains(protocol)) {
+            let mut test = cargo(&["test", "--release", "--package", package, "--test", binary, "--", "--nocapture"]);
+            test.arg(format!("{PREFIX}{protocol}::"))
+                .env("OB1_PART", campaign.part.to_string())
+                .env("OB1_TELEGRAMS", campaign.share(wish.telegrams).max(1).to_string());
+            let ran = shell::watch(&mut test, is_closing_line).and_then(|closing| count(&closing, protocol));
+            campaign.enter(protocol, ran.map(|count| println!("faults: {protocol}: {count}")))?;
         }
-        let mut test = cargo(&["test", "--release", "--package", package, "--test", binary, "--", "--nocapture"]);
-        test.args(wanted.iter().map(|protocol| format!("{PREFIX}{protocol}::")));
-        let closing = shell::watch(test.env("OB1_TELEGRAMS", wish.telegrams.to_string()), is_closing_line)?;
-        println!("faults: {}", count(&closing, package)?);
     }
-    Ok(())
+    campaign.end()
 }
 
 /// The protocols that have a file `faults_*.rs`, by name.

@@ -25,6 +25,17 @@ pub(crate) fn programs(args: &[String]) -> Outcome {
     simulation("programs", &["ob1-cp040", "ob1-cp240", "ob1-cp340", "ob1-cp341", "ob1-tests"], args)
 }
 
+/// Builds the program `sim` with its plugin.
+///
+/// # Errors
+/// If it cannot be built.
+pub(crate) fn build_sim(profile: Profile) -> Outcome {
+    if profile == Profile::Debug {
+        return shell::run(&mut cargo(&["build", "-p", "ob1-cp240", "-p", "ob1-tests"]));
+    }
+    shell::run(&mut cargo(&["build", "--release", "-p", "ob1-cp240", "-p", "ob1-tests"]))
+}
+
 /// The SCL compiler against Siemens' own. The program evaluates the options.
 ///
 /// # Errors

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use crate::campaign::Campaign;
 use crate::cargo::{self, cargo};
 use crate::demo::duration;
 use crate::failure::{Outcome, step};
@@ -32,7 +33,8 @@ struct Wish {
 /// # Errors
 /// If a target cannot be built or an input makes it panic; cargo-fuzz names the file with the input.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let wish = parse(args)?;
+    let (mut campaign, args) = Campaign::take("fuzz", args)?;
+    let wish = parse(&args)?;
     let targets = pick::some_or_all(wish.targets, targets()?, "fuzz target")?;
     let tool = install()?;
     for target in targets {
@@ -43,12 +45,14 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         fuzz.args(["fuzz", "run", "--sanitizer", "none", "--target-dir", "fuzz/target", &target])
             .args([&work, &corpus])
             .args(["--", LONGEST, SLOWEST, "-print_final_stats=1"])
-            .arg(format!("-max_total_time={}", wish.each.as_secs()))
+            .arg(format!("-max_total_time={}", campaign.share(wish.each.as_secs()).max(1)))
+            // Each part of a campaign draws other inputs; 0 is libFuzzer's choice.
+            .arg(format!("-seed={}", if campaign.part.of == 1 { 0 } else { campaign.part.number }))
             .args(dictionary(&target))
             .current_dir(cargo::root());
-        shell::run(&mut fuzz)?;
+        campaign.enter(&target, shell::run(&mut fuzz))?;
     }
-    Ok(())
+    campaign.end()
 }
 
 /// `fuzz/dictionaries/TARGET.txt`: the keywords of the target's language, if it has a dictionary.

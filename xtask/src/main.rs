@@ -6,6 +6,7 @@
 mod aarch64;
 mod arch;
 mod book;
+mod campaign;
 mod cargo;
 mod ci;
 mod demo;
@@ -54,12 +55,18 @@ usage: cargo xtask VERB [...]
   siege [WHAT] [--rounds N] [--minutes M]
                                   attacks, long (all: one after the other): kill bus bus_dp socket segment input cut writer s7_kill alarm_kill s7_sessions
                                   s7_torn gate_broker browsers, in rounds; gate_http gate_opcua gate_mqtt gate_greed, in minutes
+  collect FILE...                 the outputs of the parts of a campaign as one verdict: sim, programs, compare, faults, siege and fuzz take
+                                  --part I/N and --json for a batch engine (docs/campaigns.md)
+  slurm [--seeds N] [--parts P] [--nodes K] [--debug]
+                                  sim as an array job of Slurm on this machine, with a killed node: the verdict of one machine, to the seed
   miri                            the unit tests of the crates with unsafe code under Miri (a nightly toolchain with that component)
   aarch64 [PROGRAMS]              the native engine's tests and random programs as code for AArch64, under qemu-user
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
-  package [--check] [--debug]     a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
-                                  the unit, new stations and plugins, a bare Debian; --debug: quickly, with the book's pages as they are
+  package [--oci] [--check] [--debug]
+                                  a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
+                                  the unit, new stations and plugins, a bare Debian; --debug: quickly, with the book's pages as they are;
+                                  --oci: an image for containers instead; with --check it runs without rights, beside its partner outside
   ci                              what .ci/run does
   fmt                             formats the workspace
   help                            this text
@@ -80,6 +87,8 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::run(&rest),
         "faults" => faults::run(&rest),
         "siege" => siege::run(&rest),
+        "collect" => campaign::collect(&rest),
+        "slurm" => campaign::slurm::run(&rest),
         "miri" => loom_miri::miri(&rest),
         "aarch64" => aarch64::run(&rest),
         "arch" => arch::run(&rest),

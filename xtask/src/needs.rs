@@ -1,6 +1,7 @@
 //! What a verb needs in addition to the Rust toolchain and a C compiler: Debian packages. As root the verb installs
 //! them; otherwise it prints one command that installs them before it builds anything.
 
+use std::path::Path;
 use std::process::Command;
 
 use crate::failure::{Outcome, step};
@@ -71,12 +72,30 @@ pub(crate) const NSPAWN: Need =
 pub(crate) const MOSQUITTO: Need = Need {
     what: "mosquitto, an MQTT broker",
     packages: &["mosquitto"],
-    here: || on_path("mosquitto") || std::path::Path::new("/usr/sbin/mosquitto").is_file(),
+    here: || on_path("mosquitto") || Path::new("/usr/sbin/mosquitto").is_file(),
 };
 
 /// Checks the telegrams of the S7 link.
 pub(crate) const TSHARK: Need =
     Need { what: "tshark, the dissectors of Wireshark", packages: &["tshark"], here: || on_path("tshark") };
+
+/// Makes images of containers, without a daemon.
+pub(crate) const BUILDAH: Need =
+    Need { what: "buildah", packages: &["buildah", "uidmap"], here: || on_path("buildah") && on_path("newuidmap") };
+
+/// Runs containers without rights.
+pub(crate) const PODMAN: Need = Need {
+    what: "podman with crun",
+    packages: &["podman", "crun", "uidmap"],
+    here: || on_path("podman") && on_path("crun") && on_path("newuidmap"),
+};
+
+/// A batch engine, with the daemon that vouches for its users.
+pub(crate) const SLURM: Need = Need {
+    what: "Slurm, a batch engine",
+    packages: &["slurm-wlm", "munge"],
+    here: || on_path("sbatch") && Path::new("/usr/sbin/munged").is_file(),
+};
 
 /// Makes sure that all `needs` are installed.
 ///

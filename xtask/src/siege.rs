@@ -4,6 +4,7 @@
 //! A siege is a test whose number of rounds or minutes comes from the environment; a failing round prints its seed. A
 //! siege that runs for minutes also checks its figures against limits.
 
+use crate::campaign::Campaign;
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome};
 use crate::tally::{count, is_closing_line};
@@ -78,6 +79,7 @@ const fn siege(name: &'static str, file: &'static str, long: Long) -> Siege {
 /// # Errors
 /// If something cannot be built, or a round fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
+    let (campaign, args) = Campaign::take("siege", args)?;
     let number = |text: &str| text.parse::<u64>().ok().filter(|&number| number > 0);
     // Either option, at any position.
     let at = args.iter().position(|arg| arg == "--minutes").unwrap_or(args.len());
@@ -93,7 +95,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     let known = SIEGES.iter().filter(meant).map(|siege| siege.name.to_owned()).collect();
     let names = pick::some_or_all(names.clone(), known, "siege")?;
     let sieges: Vec<&Siege> = names.iter().filter_map(|name| SIEGES.iter().find(|siege| siege.name == name)).collect();
-    lay(&sieges, rounds, minutes)
+    lay(campaign, &sieges, rounds, minutes)
 }
 
 /// `cargo xtask bench gate [NAME...] [--minutes M]`
@@ -101,11 +103,12 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 /// # Errors
 /// If something cannot be built, or a figure exceeds its limit.
 pub(crate) fn loads(args: &[String]) -> Outcome {
-    let (names, minutes) = pick::names_and_option(args, "bench gate", "--minutes", MINUTES, minutes)?;
+    let (campaign, args) = Campaign::take("bench gate", args)?;
+    let (names, minutes) = pick::names_and_option(&args, "bench gate", "--minutes", MINUTES, minutes)?;
     let known = LOADS.iter().map(|load| load.name.trim_start_matches("gate_").to_owned()).collect();
     let names = pick::some_or_all(names, known, "load of the gate")?;
     let wanted = |load: &&Siege| names.iter().any(|name| load.name.strip_prefix("gate_") == Some(name));
-    lay(&LOADS.iter().filter(wanted).collect::<Vec<_>>(), None, minutes)
+    lay(campaign, &LOADS.iter().filter(wanted).collect::<Vec<_>>(), None, minutes)
 }
 
 const MINUTES: &str = "a number of minutes, e.g. 10 or 0.5";
@@ -115,7 +118,7 @@ fn minutes(text: &str) -> Option<f64> {
 }
 
 /// Builds everything, and runs these sieges for the given or the default length.
-fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome {
+fn lay(mut campaign: Campaign, sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome {
     let counted = |siege: &&&Siege| matches!(siege.long, Long::Rounds(_));
     if let Some(siege) = sieges.iter().find(|siege| minutes.is_some() && counted(siege)) {
         return Err(Failure::Usage(format!("{} is counted in rounds: --rounds", siege.name)));
@@ -131,12 +134,15 @@ fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome 
         let (binary, test) = siege.test();
         let mut command = cargo(&["test", "--release", "--package", siege.package, "--test", binary]);
         let (variable, long) = match siege.long {
-            Long::Rounds(usual) => ("OB1_SIEGE_ROUNDS", rounds.unwrap_or(usual).to_string()),
-            Long::Minutes(usual) => ("OB1_SIEGE_MINUTES", minutes.unwrap_or(usual).to_string()),
+            Long::Rounds(usual) => ("OB1_SIEGE_ROUNDS", campaign.share(rounds.unwrap_or(usual)).max(1).to_string()),
+            Long::Minutes(usual) => {
+                ("OB1_SIEGE_MINUTES", (minutes.unwrap_or(usual) / campaign.part.of as f64).to_string())
+            }
         };
         command
             .args(["--", "--nocapture", "--test-threads=1", "--exact", &test])
             .env(variable, long)
+            .env("OB1_PART", campaign.part.to_string())
             .env("OB1_UNDER_XTASK", "1")
             .env("OB1_PLUGIN_DIR", &folder)
             .env("OB1_BIN_DIR", &folder)
@@ -144,13 +150,15 @@ fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome 
             .env("NODE_PATH", python::node_modules())
             .current_dir(cargo::root());
         // A name that no test has would pass. (A test that is a program of its own runs in any case.)
-        if siege.file.contains("::") {
-            count(&shell::watch(&mut command, is_closing_line)?, siege.name)?;
+        let ended = if siege.file.contains("::") {
+            let closing = shell::watch(&mut command, is_closing_line);
+            closing.and_then(|closing| count(&closing, siege.name)).map(drop)
         } else {
-            shell::run(&mut command)?;
-        }
+            shell::run(&mut command)
+        };
+        campaign.enter(siege.name, ended)?;
     }
-    Ok(())
+    campaign.end()
 }
 
 #[cfg(test)]

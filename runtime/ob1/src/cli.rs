@@ -25,6 +25,7 @@ use crate::print::{self, PrintArgs};
 use crate::record::{self, RecordArgs};
 use crate::remote::{self, GetArgs, SetArgs};
 use crate::restart::{self, RestartArgs};
+use crate::roll::{self, RollArgs};
 use crate::shadow::{self, ShadowArgs};
 use crate::show::{self, ShowArgs};
 use crate::soak::{self, SoakArgs};
@@ -58,6 +59,8 @@ Examples:
   ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
   ob1 record press.toml --signals Motor,MW10 --for 10s --out run.pftrace   every scan, for Perfetto
+  ob1 list                                         all stations of this machine
+  ob1 roll press1 press2 --run 'systemctl restart ob1@{}'   one after the other, as long as each comes back
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
 
@@ -104,6 +107,7 @@ enum Command {
     Print(PrintArgs),
     Load(LoadArgs),
     Restart(RestartArgs),
+    Roll(RollArgs),
     List(ListArgs),
     New(NewArgs),
     Get(GetArgs),
@@ -251,6 +255,7 @@ impl Command {
             Command::Print(args) => print::print(&args),
             Command::Load(args) => load::load(&args),
             Command::Restart(args) => restart::restart(&args),
+            Command::Roll(args) => roll::roll(&args),
             Command::List(args) => list::list(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(&args),

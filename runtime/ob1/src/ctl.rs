@@ -47,6 +47,8 @@ pub enum Action {
     Command(Command),
     /// Asks which restart is meant.
     Restart,
+    /// Says by the exit code whether the station is in RUN.
+    Ready,
     /// Prints state and figures.
     Status,
     /// Prints the accounts of every scan.
@@ -57,7 +59,7 @@ pub enum Action {
 
 impl ValueEnum for Action {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [Action; 11] = [
+        const ALL: [Action; 12] = [
             Action::Command(Command::Run),
             Action::Command(Command::Stop),
             Action::Command(Command::Warm),
@@ -66,6 +68,7 @@ impl ValueEnum for Action {
             Action::Command(Command::Hot),
             Action::Command(Command::Reset),
             Action::Restart,
+            Action::Ready,
             Action::Status,
             Action::Timing,
             Action::Recorder,
@@ -90,6 +93,9 @@ impl ValueEnum for Action {
                 },
             ),
             Self::Restart => ("restart", "Asks which one: warm keeps the data blocks, cold loads them anew"),
+            Self::Ready => {
+                ("ready", "Whether it is in RUN and its cycles end, by the exit code: 0, or 3 with the reason")
+            }
             Self::Status => ("status", "State, scan statistics, modules"),
             Self::Timing => (
                 "timing",
@@ -112,6 +118,7 @@ pub fn ctl(args: &CtlArgs) -> Exit {
             Some(command) => change(station, command),
             None => Exit::Usage,
         },
+        Action::Ready => ready(station).unwrap_or_else(|exit| exit),
         Action::Status => status(station, json),
         Action::Timing => timing(station, json),
         Action::Recorder => recorder(station, json),
@@ -148,6 +155,21 @@ fn which_restart(station: &str) -> Option<Command> {
 
 fn look(station: &str) -> Result<Status, Exit> {
     ask(station, Op::Status)?.status.ok_or(Exit::Refused)
+}
+
+/// For health checks: alive is not enough.
+fn ready(station: &str) -> Result<Exit, Exit> {
+    let status = look(station)?;
+    if let Some(seconds) = status.stands_s {
+        err!("ob1: {station}: a cycle began {seconds} s ago and does not end\n  = ob1 why and ob1 top say more");
+        return Ok(Exit::Fault);
+    }
+    if status.state == OperatingState::Run.name() {
+        return Ok(Exit::Ok);
+    }
+    let why = why_stopped(station, 0).map(|why| format!(": {why}")).unwrap_or_default();
+    err!("ob1: {station} is in {}{why}", status.state);
+    Ok(Exit::Fault)
 }
 
 /// A real CPU resets its memory in STOP only, and wants the switch turned twice.

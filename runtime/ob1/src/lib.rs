@@ -29,6 +29,7 @@ pub mod print;
 pub mod record;
 pub mod remote;
 pub mod restart;
+pub mod roll;
 pub mod shadow;
 pub mod show;
 pub mod soak;

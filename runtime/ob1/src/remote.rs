@@ -138,6 +138,7 @@ pub(crate) fn recorder(station: &str, json: bool) -> Exit {
 
 fn print_status(status: &Status) {
     say!("{} is in {}, process {}, {:.1} s", status.station, status.state, status.pid, status.runtime_ns as f64 / 1e9);
+    say!("ob1 {}, program {}", status.version, status.program);
     say!(
         "engine {}   scans {}   overruns {}   missed deadlines {}   late {}   watchdog {}",
         status.engine,

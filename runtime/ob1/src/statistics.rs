@@ -150,6 +150,14 @@ fn median(sorted: &[f64]) -> f64 {
     if odd { at(upper) } else { (at(upper.saturating_sub(1)) + at(upper)) / 2.0 }
 }
 
+/// The median of a sample, or 0.
+#[must_use]
+pub fn middle(sample: &[f64]) -> f64 {
+    let mut sorted = sample.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    median(&sorted)
+}
+
 /// What two samples say about each other.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
@@ -196,12 +204,29 @@ pub fn compare(a: &[f64], b: &[f64]) -> Option<Shift> {
     let p = if variance > 0.0 { (2.0 * upper_tail(distance / variance.sqrt())).min(1.0) } else { 1.0 };
     let (low, high) = ranks(differences.len(), 2.0 * Z95 * variance.max(0.0).sqrt());
     let at = |index: usize| differences.get(index).copied().unwrap_or(0.0);
-    let middle = |sample: &[f64]| {
-        let mut sorted = sample.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        median(&sorted)
-    };
     Some(Shift { a: middle(a), b: middle(b), shift: median(&differences), low: at(low), high: at(high), p })
+}
+
+/// How many samples it takes to tell that one of them is not like the others.
+pub const OUTLIERS: usize = 5;
+/// A score beyond this makes a sample an outlier (Iglewicz and Hoaglin).
+pub const OUTLIER: f64 = 3.5;
+
+/// How far each value lies from the median of all, in units of their spread: the modified z-score of Iglewicz and
+/// Hoaglin, by the median of the deviations, or by their mean where more than half of the values are equal. `None` for
+/// less than [`OUTLIERS`] values.
+#[must_use]
+pub fn scores(values: &[f64]) -> Option<Vec<f64>> {
+    if values.len() < OUTLIERS {
+        return None;
+    }
+    let of_all = middle(values);
+    let deviations: Vec<f64> = values.iter().map(|value| (value - of_all).abs()).collect();
+    // A standard deviation is 1.4826 median deviations or 1.2533 mean ones.
+    let by_median = middle(&deviations) / 0.6745;
+    let spread =
+        if by_median > 0.0 { by_median } else { deviations.iter().sum::<f64>() / values.len() as f64 * 1.2533 };
+    Some(values.iter().map(|value| if spread > 0.0 { (value - of_all) / spread } else { 0.0 }).collect())
 }
 
 /// How much more often something happens: (count, of) in two runs.
@@ -299,6 +324,19 @@ mod tests {
         let from_none = ratio((0, 1_000_000), (20, 1_000_000)).expect("enough events");
         assert!(from_none.low > 1.0 && from_none.ratio > 20.0, "{from_none:?}");
         assert_eq!(ratio((4, 1000), (5, 1000)), None);
+    }
+
+    #[test]
+    fn an_outlier_is_seen_among_five_and_not_among_four() {
+        let mut values = vec![20.0, 21.0, 19.5, 20.5, 20.2, 19.8];
+        assert!(scores(&values).expect("enough").iter().all(|score| score.abs() < OUTLIER));
+        values[3] = 40.0;
+        let found = scores(&values).expect("enough");
+        assert!(found[3] > OUTLIER && found.iter().filter(|score| score.abs() > OUTLIER).count() == 1, "{found:?}");
+        // Equal values, and one that is not.
+        assert_eq!(scores(&[5.0; 6]), Some(vec![0.0; 6]));
+        assert!(scores(&[5.0, 5.0, 5.0, 5.0, 5.0, 9.0]).expect("enough")[5] > OUTLIER);
+        assert_eq!(scores(&values[..4]), None);
     }
 
     #[test]

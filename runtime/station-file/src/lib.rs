@@ -26,6 +26,7 @@ pub mod library;
 mod line;
 mod link;
 mod modules;
+mod pattern;
 pub mod program_files;
 mod remote;
 mod retentive;
@@ -68,7 +69,7 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
 pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding>> {
     let (text, name, folder) = (read(path)?, path.display().to_string(), folder_of(path));
     let source = Text { file: &name, text: &text };
-    let file = tables(source)?;
+    let file = tables(source, folder)?;
     let (mut station, mut warnings) = check::check(&file, source, folder)?;
     if let Some((path, place)) = &station.alarms {
         station.alarm_texts = alarm_texts::load(path, place)?;
@@ -97,7 +98,7 @@ fn unplayed(file: &tables::StationFile, source: Text<'_>) -> Option<Finding> {
 #[must_use]
 pub fn user_of(path: &Path) -> Option<String> {
     let (text, name) = (read(path).ok()?, path.display().to_string());
-    Some(tables(Text { file: &name, text: &text }).ok()?.station.user?.into_inner())
+    Some(tables(Text { file: &name, text: &text }, folder_of(path)).ok()?.station.user?.into_inner())
 }
 
 /// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
@@ -106,7 +107,7 @@ pub fn user_of(path: &Path) -> Option<String> {
 /// All findings, at least one of them an error.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
     let source = Text { file: name, text };
-    Ok(check::check(&tables(source)?, source, folder)?.0)
+    Ok(check::check(&tables(source, folder)?, source, folder)?.0)
 }
 
 fn read(path: &Path) -> Result<String, Vec<Finding>> {
@@ -138,14 +139,16 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-fn tables(source: Text<'_>) -> Result<tables::StationFile, Vec<Finding>> {
-    toml::from_str(source.text).map_err(|error| {
+fn tables(source: Text<'_>, folder: &Path) -> Result<tables::StationFile, Vec<Finding>> {
+    let mut file = toml::from_str(source.text).map_err(|error| {
         if source.file.ends_with(program_files::TEST_FILE) {
             let (message, remedy) = ("this is a test file, not a station file", "`ob1 test` runs it");
             return vec![Finding::whole(Level::Error, findings::SYNTAX, source.file, message, remedy)];
         }
         vec![findings::of_toml(source, &error, "docs/station-file.md", elsewhere::remedy)]
-    })
+    })?;
+    pattern::expand(&mut file, source, folder)?;
+    Ok(file)
 }
 
 /// Whether a path looks like a station file: for commands that take files of either kind.

@@ -19,7 +19,8 @@ use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 /// The words for rights, from the least to the most.
 const RIGHTS: [(&str, Right); 3] = [("read", Right::Read), ("write", Right::Write), ("operate", Right::Operate)];
 /// The kinds of link.
-const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metrics), ("opcua", OpcUa), ("mqtt", Mqtt)];
+const KINDS: [(&str, LinkKind); 5] =
+    [(S7.word(), S7), (Web.word(), Web), (Metrics.word(), Metrics), (OpcUa.word(), OpcUa), (Mqtt.word(), Mqtt)];
 /// Kinds that others connect to.
 const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
 /// Kinds whose clients log in as users.

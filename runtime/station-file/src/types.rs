@@ -78,6 +78,18 @@ pub enum LinkKind {
 }
 
 impl LinkKind {
+    /// Its word in the station file.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::S7 => "s7",
+            Self::Web => "web",
+            Self::Metrics => "metrics",
+            Self::OpcUa => "opcua",
+            Self::Mqtt => "mqtt",
+        }
+    }
+
     /// The program that serves it.
     #[must_use]
     pub const fn program(self) -> &'static str {

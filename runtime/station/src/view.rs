@@ -13,7 +13,8 @@ use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::protocol::{
-    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, Listens, MemoryStatus, ModuleStatus, ReasonStatus,
+    Status, Times,
 };
 use crate::access::stage::StageStatus;
 use crate::bus_view::BusView;
@@ -38,6 +39,8 @@ pub const EVENTS_LOST: &str = "events_lost";
 pub struct StationView {
     /// Name of the station.
     pub name: String,
+    /// Its links that listen.
+    pub listens: Vec<Listens>,
     /// The family of its CPU.
     pub family: Family,
     /// The program that runs now, and what is known of it.
@@ -250,6 +253,10 @@ impl StationView {
             station: self.name.clone(),
             pid: std::process::id(),
             state: state.name().to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            program: format!("{:08x}", known.sums[1]),
+            listens: self.listens.clone(),
+            min_cycle_ns: self.timings.min_cycle().nanos(),
             runtime_ns: now.nanos(),
             scans: statistics.scans,
             statements: statistics.statements,

@@ -37,11 +37,7 @@ impl Ledger {
         if record.flags.watchdog {
             keep(&mut self.watchdogs, &entry);
         }
-        let at = self.worst.partition_point(|kept| kept.size_ns >= entry.size_ns);
-        if at < KEPT {
-            self.worst.insert(at, entry);
-            self.worst.truncate(KEPT);
-        }
+        keep_worst(&mut self.worst, entry);
     }
 
     /// Of those that are kept the ones after this scan.
@@ -64,17 +60,52 @@ impl Ledger {
     /// `late`: late scans by the accounts; those that are not explained yet are `pending`.
     pub(super) fn report(&self, late: u64) -> LateReport {
         let told: u64 = self.classes.values().map(|total| total.scans).sum();
-        let unexplained = self.classes.get(&Class::Unexplained).map_or(0, |total| total.scans);
         LateReport {
             scans: late,
             pending: late.saturating_sub(told + self.lost),
             lost: self.lost,
-            unexplained_share: if told == 0 { 0.0 } else { unexplained as f64 / told as f64 },
+            unexplained_share: unexplained_share(&self.classes),
             classes: Class::ALL.iter().filter_map(|class| Some((*class, *self.classes.get(class)?))).collect(),
             worst: self.worst.clone(),
             newest: self.newest.clone(),
             unexplained: self.unexplained.clone(),
         }
+    }
+}
+
+/// Share of the explained late scans that nothing explains.
+fn unexplained_share(classes: &BTreeMap<Class, ClassTotal>) -> f64 {
+    let told: u64 = classes.values().map(|total| total.scans).sum();
+    let unexplained = classes.get(&Class::Unexplained).map_or(0, |total| total.scans);
+    if told == 0 { 0.0 } else { unexplained as f64 / told as f64 }
+}
+
+impl LateReport {
+    /// Takes over the late scans of another station. Of the newest, which have no order between stations, the last
+    /// ones stay.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.scans = self.scans.saturating_add(other.scans);
+        self.pending = self.pending.saturating_add(other.pending);
+        self.lost = self.lost.saturating_add(other.lost);
+        for (class, more) in &other.classes {
+            let total = self.classes.entry(*class).or_default();
+            total.scans = total.scans.saturating_add(more.scans);
+            total.time_ns = total.time_ns.saturating_add(more.time_ns);
+            total.worst_ns = total.worst_ns.max(more.worst_ns);
+        }
+        self.unexplained_share = unexplained_share(&self.classes);
+        other.worst.iter().for_each(|entry| keep_worst(&mut self.worst, entry.clone()));
+        other.newest.iter().for_each(|entry| keep(&mut self.newest, entry));
+        other.unexplained.iter().for_each(|entry| keep(&mut self.unexplained, entry));
+    }
+}
+
+/// Enters an entry if it is one of the longest.
+fn keep_worst(worst: &mut Vec<LateEntry>, entry: LateEntry) {
+    let at = worst.partition_point(|kept| kept.size_ns >= entry.size_ns);
+    if at < KEPT {
+        worst.insert(at, entry);
+        worst.truncate(KEPT);
     }
 }
 

@@ -8,6 +8,7 @@ mod cause;
 mod kernel;
 mod ledger;
 mod looks;
+mod merge;
 mod observer;
 pub mod snapshot;
 pub mod text;

@@ -42,6 +42,12 @@ impl Timings {
         Self { accounts, clock, min_cycle, missed, state: Arc::default() }
     }
 
+    /// The minimum cycle time; zero: none.
+    #[must_use]
+    pub fn min_cycle(&self) -> Span {
+        self.min_cycle
+    }
+
     /// The figures since the start or the last reset.
     #[must_use]
     pub fn figures(&self) -> Figures {

@@ -21,6 +21,7 @@ pub mod peer;
 pub mod record;
 pub mod s7;
 pub mod scan;
+pub mod stations;
 pub mod stl;
 pub mod wake;
 pub mod watch;

@@ -7,7 +7,7 @@ use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
     Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, iceoryx, io, kill_runtime, line,
-    machine_code, memory, record, s7, scan, stl, wake, watch,
+    machine_code, memory, record, s7, scan, stations, stl, wake, watch,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -23,6 +23,7 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          record: a scan with 64 signals recorded, beside the same without; an hour of scans in virtual time
         watch: a scan of 100,000 statements with program status, beside the same without: a minute
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
+         stations [COUNT CYCLE SECONDS]: 1, 10, 50, 100 stations at 10 and 100 ms, a minute each; or so many at a cycle in ms
          io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
          second beside libmodbus (its Python script installed into .venv); S (10) seconds each
          kill-runtime [--kills N]: N (200) times SIGKILL to a runtime; how long its outputs stay on: a minute
@@ -44,6 +45,13 @@ fn main() -> ExitCode {
         ["alarms"] => alarms::measure().map(|figures| shown(&figures)),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
+        ["stations"] => {
+            stations::LADDER.iter().try_fold(true, |met, (count, cycle)| Ok(many(*count, *cycle, 60)? && met))
+        }
+        ["stations", count, cycle, seconds] => match (count.parse(), cycle.parse(), seconds.parse()) {
+            (Ok(count), Ok(cycle), Ok(seconds)) => many(count, cycle, seconds),
+            _ => Err(HELP.into()),
+        },
         ["io"] => remote(10),
         ["io", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(remote),
         ["kill-runtime"] => killed(kill_runtime::KILLS),
@@ -85,6 +93,11 @@ fn killed(kills: usize) -> Result<bool, Failure> {
 /// `io [--seconds S]`.
 fn remote(seconds: u64) -> Result<bool, Failure> {
     Ok(shown(&io::measure(seconds)?))
+}
+
+/// `stations [COUNT CYCLE SECONDS]`.
+fn many(count: usize, cycle: u64, seconds: u64) -> Result<bool, Failure> {
+    stations::measure(&std::env::current_exe()?.with_file_name("ob1"), count, cycle, seconds)
 }
 
 /// `causes [--seconds S]`.

@@ -3,9 +3,11 @@
 use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use ob1_tests::part::{Part, Tally};
 use ob1_tests::sim::{self, SECOND, Scenario};
 
 const HELP: &str = "\
@@ -18,6 +20,8 @@ Both stations of examples/two-stations in one thread in virtual time, with line 
   --seed SEED   this one alone
   --minutes M   virtual minutes for each (default 1)
   --jobs J      threads, one simulation each (default: all cores)
+  --part I/N    the part I of N of the seeds, for a batch engine
+  --json        the last line is the result as JSON, for cargo xtask collect
   --log         print the event log of --seed
   --wire        with every character that arrives
 
@@ -30,6 +34,8 @@ struct Args {
     jobs: usize,
     log: bool,
     wire: bool,
+    part: Part,
+    json: bool,
 }
 
 fn main() -> ExitCode {
@@ -48,7 +54,8 @@ fn main() -> ExitCode {
 
 fn parse(mut args: impl Iterator<Item = String>) -> Result<Option<Args>, String> {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut parsed = Args { first: 1, count: 100, minutes: 1, jobs, log: false, wire: false };
+    let mut parsed =
+        Args { first: 1, count: 100, minutes: 1, jobs, log: false, wire: false, part: Part::WHOLE, json: false };
     while let Some(flag) = args.next() {
         let mut number = || args.next().and_then(|v| v.parse::<u64>().ok()).ok_or(format!("{flag} needs a number"));
         match flag.as_str() {
@@ -57,6 +64,8 @@ fn parse(mut args: impl Iterator<Item = String>) -> Result<Option<Args>, String>
             "--seed" => (parsed.first, parsed.count) = (number()?, 1),
             "--minutes" => parsed.minutes = number()?.max(1),
             "--jobs" => parsed.jobs = number()?.clamp(1, 64) as usize,
+            "--part" => parsed.part = args.next().ok_or("--part needs I/N")?.parse()?,
+            "--json" => parsed.json = true,
             "--log" => parsed.log = true,
             "--wire" => (parsed.log, parsed.wire) = (true, true),
             "--help" | "-h" => return Ok(None),
@@ -72,15 +81,21 @@ fn scenario(args: &Args, seed: u64) -> Scenario {
 }
 
 fn run(args: &Args) -> ExitCode {
+    let options = format!("--seeds {} --from {} --minutes {}", args.count, args.first, args.minutes);
+    let tally = Mutex::new(Tally::new("sim", &options, args.part));
+    let enter = |seed: u64, shown: Result<&str, &str>| {
+        tally.lock().unwrap_or_else(|e| e.into_inner()).enter(&format!("seed {seed}"), shown);
+    };
+    let (first, count) = args.part.slice(args.first, args.count);
     let start = Instant::now();
-    let next = AtomicU64::new(args.first);
-    let (failed, good, kills) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
+    let next = AtomicU64::new(first);
+    let (good, kills) = (AtomicU64::new(0), AtomicU64::new(0));
     std::thread::scope(|scope| {
-        for _ in 0..args.jobs.min(args.count.max(1) as usize) {
+        for _ in 0..args.jobs.min(count.max(1) as usize) {
             scope.spawn(|| {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= args.first + args.count {
+                    if seed >= first + count {
                         return;
                     }
                     match sim::run(&scenario(args, seed)) {
@@ -91,14 +106,16 @@ fn run(args: &Args) -> ExitCode {
                                 // A closed pipe (`| head`) is not an error.
                                 let _ = std::io::stdout().write_all(outcome.log.as_bytes());
                             }
-                            if !outcome.verdict.broken.is_empty() {
-                                failed.fetch_add(1, Ordering::Relaxed);
+                            if outcome.verdict.broken.is_empty() {
+                                enter(seed, Ok(&outcome.log));
+                            } else {
+                                enter(seed, Err(&outcome.verdict.to_string()));
                                 eprintln!("seed {seed} FAILED\n{}", outcome.verdict);
                                 eprintln!("replay: cargo xtask sim --seed {seed} --minutes {} --log", args.minutes);
                             }
                         }
                         Err(message) => {
-                            failed.fetch_add(1, Ordering::Relaxed);
+                            enter(seed, Err(&message));
                             eprintln!("seed {seed}: {message}");
                         }
                     }
@@ -107,22 +124,27 @@ fn run(args: &Args) -> ExitCode {
         }
     });
     let wall = start.elapsed().as_secs_f64();
-    let simulated = (args.count * args.minutes * 60) as f64;
-    let failed = failed.into_inner();
+    let simulated = (count * args.minutes * 60) as f64;
+    let mut tally = tally.into_inner().unwrap_or_else(|e| e.into_inner());
+    let failed = tally.failed.len() as u64;
+    let (good, kills) = (good.into_inner(), kills.into_inner());
+    tally.count("telegrams came back right", good);
+    tally.count("drivers killed", kills);
     println!(
-        "{} seeds of {} simulated minute(s), both stations: {} telegrams came back right, {} drivers killed, {failed} seeds failed",
-        args.count,
-        args.minutes,
-        good.into_inner(),
-        kills.into_inner()
+        "{count} seeds of {} simulated minute(s), both stations: {good} telegrams came back right, {kills} drivers killed, \
+         {failed} seeds failed",
+        args.minutes
     );
     println!(
         "{:.1} s on {} thread(s): {:.0} simulated seconds per second in all, {:.0} per thread",
         wall,
         args.jobs,
         simulated / wall,
-        simulated / wall / args.jobs.min(args.count as usize).max(1) as f64
+        simulated / wall / args.jobs.min(count as usize).max(1) as f64
     );
-    println!("{} passed, {failed} failed", args.count - failed);
+    println!("{} passed, {failed} failed", count - failed);
+    if args.json {
+        println!("{}", tally.line());
+    }
     if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

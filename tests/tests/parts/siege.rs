@@ -11,7 +11,7 @@ use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
 use ob1_station::retentive::store::Store;
 use ob1_tests::fuzz::TARGETS;
-use ob1_tests::siege::{mutate, rounds};
+use ob1_tests::siege::{mutate, random, rounds};
 use ob1_time::Instant;
 
 /// A driver that writes random data into the segment: the CPU side continues, and each of its calls ends.
@@ -22,7 +22,7 @@ fn segment() {
     let side = CpuSide::create(&made, 16).expect("16 bytes are allowed");
     let settings = CpSettings { boxes: true, ..CpSettings::default() };
     let mut module = CpModule::new(side, Box::new(AlwaysThere), settings).expect("it fits");
-    let mut random = SplitMix64::new(0x5E6);
+    let mut random = random(0x5E6);
     let rounds = rounds(20_000);
     let (mut events, mut records) = (0, 0);
     for round in 0..rounds {
@@ -76,7 +76,7 @@ fn input() {
     for (name, run) in TARGETS {
         let seeds = seeds(name);
         assert!(seeds.len() > 3, "{name} has too few inputs");
-        let mut random = SplitMix64::new(0x0B1);
+        let mut random = random(0x0B1);
         for round in 0..rounds {
             let pick = |random: &mut SplitMix64| &seeds[random.below(seeds.len() as u64) as usize];
             let (one, other) = (pick(&mut random), pick(&mut random));
@@ -138,7 +138,7 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
 fn cut() {
     const STATION: &str = "damaged";
     let rounds = rounds(200);
-    let mut random = SplitMix64::new(0xC07);
+    let mut random = random(0xC07);
     let mut older = 0;
     for round in 0..rounds {
         let folder = tempfile::tempdir().expect("a directory");

@@ -2,11 +2,10 @@
 
 use std::process::Stdio;
 
-use ob1_line::sim::SplitMix64;
 use ob1_model::{BlockId, BlockKind};
 use ob1_s7::wire::BlockType;
 use ob1_stl::{Library, Options, Source};
-use ob1_tests::siege::rounds;
+use ob1_tests::siege::{random, rounds};
 use serde_json::Value;
 
 use super::load_siege::connect;
@@ -122,7 +121,7 @@ fn functions(mark: u16) -> [Vec<u8>; 2] {
 #[test]
 fn change_kill() {
     let site = Site::new();
-    let mut random = SplitMix64::new(0xC4A6);
+    let mut random = random(0xC4A6);
     let port = free_port();
     let link =
         format!("[[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{port}\"\nrights = \"operate\"\n");

@@ -4,14 +4,13 @@ use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::sync::mpsc;
 
-use ob1_line::sim::SplitMix64;
 use ob1_model::{BlockId, BlockKind};
 use ob1_s7::client::jobs::{Device, Wire};
 use ob1_s7::client::{Client, Failure};
 use ob1_s7::iso::Place;
 use ob1_s7::wire::BlockType;
 use ob1_stl::{Library, Options, Source};
-use ob1_tests::siege::rounds;
+use ob1_tests::siege::{random, rounds};
 
 use crate::common::s7::free_port;
 use crate::common::site::Site;
@@ -89,7 +88,7 @@ fn generation(station: &Running) -> u64 {
 fn load_kill() {
     let site = Site::new();
     site.write("plant.awl", &counting(DATA, ""));
-    let mut random = SplitMix64::new(0x10AD);
+    let mut random = random(0x10AD);
     let (mut marked, mut loads) = (0, 0_u64);
     let kills = rounds(4);
     for kill in 0..kills {
@@ -102,7 +101,7 @@ fn load_kill() {
         let before = generation(&station);
         station.until("the values are on the disk", |station| (generation(station) >= before + 2).then_some(()));
         let (told, done) = mpsc::channel();
-        let mut lot = SplitMix64::new(kill);
+        let mut lot = ob1_tests::siege::random(kill);
         let loading = std::thread::spawn(move || {
             loop {
                 let number = 20 + lot.below(3) as u16;

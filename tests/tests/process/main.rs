@@ -24,6 +24,7 @@ mod import;
 mod kill;
 mod load;
 mod load_siege;
+mod many;
 mod mash_tun;
 mod mbus;
 mod modbus;

@@ -5,10 +5,9 @@ use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use ob1_line::sim::SplitMix64;
 use ob1_station::access::protocol::Op;
 use ob1_tests::s7_raw::{CALL, Raw, SETUP, read_job};
-use ob1_tests::siege::{mutate, rounds};
+use ob1_tests::siege::{mutate, random, rounds};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
 use crate::common::processes::Watched;
@@ -162,7 +161,7 @@ fn s7_sessions() {
     let count = rounds(2_000);
     let mut first = None;
     for seed in 0..count {
-        let mut random = SplitMix64::new(seed);
+        let mut random = random(seed);
         // In one of eight the connection request itself is damaged.
         let damaged = match random.below(8) {
             0 => mutate(&mut random, &whole, list),

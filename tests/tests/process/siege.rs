@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 use std::thread;
 
 use ob1_line::sim::SplitMix64;
-use ob1_tests::siege::{mutate, rounds};
+use ob1_tests::siege::{first, mutate, random, rounds};
 use rustix::process::Signal;
 
 use crate::common::kills::{Blow, kill_drivers};
@@ -31,7 +31,7 @@ fn kill() {
     ];
     let kills = rounds(4);
     let (mut echoes, mut failed, mut doubled, mut up_again) = (0, 0, 0, Vec::new());
-    let sites: Vec<(u64, u64)> = (0x51E6E..).zip((0..kills).step_by(SITE as usize)).collect();
+    let sites: Vec<(u64, u64)> = (0x51E6E + first()..).zip((0..kills).step_by(SITE as usize)).collect();
     for group in sites.chunks(AT_ONCE) {
         let strike = |&(seed, first): &(u64, u64)| kill_drivers(seed, SITE.min(kills - first) as u32, &blows);
         let losses: Vec<_> = thread::scope(|scope| {
@@ -72,7 +72,7 @@ fn socket() {
         br#"{"op":"recorder"}"#,
         b"",
     ];
-    let mut random = SplitMix64::new(0x50C);
+    let mut random = random(0x50C);
     let mut clients: Vec<UnixStream> = Vec::new();
     let rounds = rounds(2_000);
     for round in 0..rounds {

@@ -110,7 +110,7 @@ fn s7_simulation() {
     let mut seeds = 0;
     while all.telegrams() < wanted {
         seeds += 1;
-        let outcome = run(trouble(seeds), folder.path());
+        let outcome = run(trouble(siege::first() + seeds), folder.path());
         (all.breaks, all.mutes) = (all.breaks + outcome.breaks, all.mutes + outcome.mutes);
         (all.kills, all.stops) = (all.kills + outcome.kills, all.stops + outcome.stops);
         all.told.telegrams.iter_mut().zip(outcome.told.telegrams).for_each(|(sum, count)| *sum += count);

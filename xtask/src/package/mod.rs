@@ -1,9 +1,11 @@
-//! `cargo xtask package [--check] [--debug]`: creates the packages that a user installs.
+//! `cargo xtask package [--oci] [--check] [--debug]`: creates the packages that a user installs.
 //!
 //! One tree (`stage`) contains everything: the programs and plugins of the workspace (`parts`), manual pages,
 //! completions, the book, examples, the C header, the crates a plugin in Rust needs, and the files of `xtask/package`.
 //! It becomes a `.deb` (`debian`) and a plain archive (`archive`) in `target/dist`. `--check` checks both, and installs
 //! the package in a minimal Debian (`check`, `bare`).
+//!
+//! `--oci` makes an image for containers of the same parts instead (`oci`), and runs it without rights (`oci_check`).
 
 mod archive;
 mod bare;
@@ -11,6 +13,8 @@ mod check;
 mod crates;
 mod debian;
 mod elf;
+mod oci;
+mod oci_check;
 mod pages;
 mod parts;
 mod stage;
@@ -20,7 +24,7 @@ use std::process::Command;
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome, step};
-use crate::{book, shell};
+use crate::{book, needs, shell};
 use parts::Parts;
 use stage::Stage;
 
@@ -44,10 +48,11 @@ struct Made {
 /// # Errors
 /// If anything cannot be built, or the check finds an error.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let (mut wants_check, mut profile) = (false, Profile::Release);
+    let (mut wants_check, mut wants_image, mut profile) = (false, false, Profile::Release);
     for arg in args {
         match arg.as_str() {
             "--check" => wants_check = true,
+            "--oci" => wants_image = true,
             "--debug" => profile = Profile::Debug,
             other => return Err(Failure::Usage(format!("package knows no `{other}`"))),
         }
@@ -57,6 +62,14 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     std::fs::create_dir_all(&site.dist).map_err(|why| step(format!("{}: {why}", site.dist.display())))?;
     let parts = Parts::of_workspace()?;
     shell::run(cargo(&["build"]).args(parts.flags()).args(profile.flags()))?;
+    if wants_image {
+        needs::satisfy(&[needs::BUILDAH])?;
+        let image = oci::build(&site, &parts)?;
+        for file in [&image.oci, &image.docker] {
+            println!("{}  {}", digest(file)?, file.display());
+        }
+        return if wants_check { oci_check::run(&site, &parts, &image) } else { Ok(()) };
+    }
     let book = match profile {
         Profile::Release => book::build()?,
         Profile::Debug | Profile::Demo => cargo::root().join("docs"),

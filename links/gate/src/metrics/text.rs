@@ -166,9 +166,9 @@ pub(super) fn figures(told: &Told, counts: &Counts, format: Format) -> String {
 
 fn cpu(page: &mut Page, told: &Told) {
     let (status, timing) = (&told.status, &told.timing);
-    page.family("ob1_station", "info", "the station and the version of this gate");
-    let version = env!("CARGO_PKG_VERSION");
-    page.sample("ob1_station_info", &[("station", text(&status["station"])), ("version", version)], 1.0);
+    page.family("ob1_station", "info", "the station, its version, and the fingerprint of the program that runs");
+    let labels = ["station", "version", "program"].map(|key| (key, text(&status[key])));
+    page.sample("ob1_station_info", &labels, 1.0);
     page.family("ob1_cpu_state", "stateset", "the operating state of the CPU");
     for state in OperatingState::ALL.map(OperatingState::name) {
         let is = if text(&status["state"]) == state { 1.0 } else { 0.0 };
@@ -336,7 +336,7 @@ mod tests {
         let spread = json!({ "mean_ns": 30_000.0, "buckets": [[10_000, 2], [50_000, 1], [20_000_000_000u64, 1]] });
         Told {
             status: json!({
-                "station": "pr\"ess", "state": "RUN", "runtime_ns": 2_000_000_000u64, "log_lost": 3,
+                "station": "pr\"ess", "version": "0.1.0", "program": "00c0ffee", "state": "RUN", "runtime_ns": 2_000_000_000u64, "log_lost": 3,
                 "stands_s": 4, "forced": ["E0.0=1", "AW4=16#00FF"], "engine_lacks": "killed",
                 "memory": { "resident_kib": 2, "threads": 9 }, "retentive": { "age_ns": 5e9, "error": null },
                 "modules": [{
@@ -364,7 +364,7 @@ mod tests {
         counts.event(0x4302);
         let text = figures(&told(), &counts, Format::OpenMetrics);
         for line in [
-            r#"ob1_station_info{station="pr\"ess",version="0.1.0"} 1"#,
+            r#"ob1_station_info{station="pr\"ess",version="0.1.0",program="00c0ffee"} 1"#,
             r#"ob1_cpu_state{ob1_cpu_state="RUN"} 1"#,
             r#"ob1_cpu_state{ob1_cpu_state="STOP"} 0"#,
             "ob1_forced_cells 2",

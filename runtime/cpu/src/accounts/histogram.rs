@@ -94,6 +94,22 @@ pub struct Histogram {
 }
 
 impl Histogram {
+    /// The distribution of these times, each so many times.
+    #[must_use]
+    pub fn of(times: impl IntoIterator<Item = (Span, u64)>) -> Self {
+        let recording = Recording::new();
+        for (time, count) in times {
+            recording.record_times(time, count);
+        }
+        recording.read()
+    }
+
+    /// The same with another sum, where the times are those of buckets and their sum is known better.
+    #[must_use]
+    pub fn with_sum(self, sum: Span) -> Self {
+        Self { sum: sum.nanos(), ..self }
+    }
+
     /// How many values were recorded.
     #[must_use]
     pub fn count(&self) -> u64 {

@@ -19,26 +19,29 @@ use super::{Budget, Load};
     telegrams.doubled telegrams.wrong receive.lost receive.errors drivers.lost cell.NAME), unexplained=5%,\nSERIES.slope=AMOUNT/h (rss fds \
     drivers.rss cycle.p99 wake.p50 wake.p99 execution.p50 execution.p99).\n\nExamples:\n  ob1 soak press.toml --for 8h --budget \
     cycle.p99.9=1.2ms,wake.p99.99=200us,missed=0,rss.slope=1MiB/h\n  ob1 soak press.toml --for 10min --load \
-    cpu=2,io=1,driver-kill=10/min --seed 7 --budget execution.p99=80us\n\nExit codes: 0 pass, 1 a budget is broken, 2 inconclusive, or it \
+    cpu=2,io=1,driver-kill=10/min --seed 7 --budget execution.p99=80us\n  ob1 soak --merge host-*.json\n\nExit codes: 0 pass, 1 a budget is broken, 2 inconclusive, or it \
     could not be measured. More: docs/soak.md."
 )]
 pub struct SoakArgs {
     /// The station file (docs/station-file.md)
-    #[arg(required_unless_present = "compare")]
+    #[arg(required_unless_present_any = ["compare", "merge"])]
     pub station: Option<PathBuf>,
     /// How long to measure: 10min, 8h
     #[arg(
         long = "for",
         value_name = "TIME",
         value_parser = ob1_station_file::parse_duration,
-        required_unless_present = "compare"
+        required_unless_present_any = ["compare", "merge"]
     )]
     pub time: Option<Span>,
     /// Say whether the second of two reports is worse than the first
     #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
     pub compare: Option<Vec<PathBuf>>,
-    /// With --compare: a difference up to this does not count as worse
-    #[arg(long, value_name = "PERCENT", default_value_t = 10, requires = "compare")]
+    /// One verdict on many reports, of many machines; --budget instead of the limits they were judged by
+    #[arg(long, num_args = 1.., value_name = "REPORT.json", conflicts_with_all = ["station", "time", "compare", "load"])]
+    pub merge: Option<Vec<PathBuf>>,
+    /// With --compare and --merge: a difference up to this does not count as worse
+    #[arg(long, value_name = "PERCENT", default_value_t = 10)]
     pub margin: u32,
     /// The limits that have to be kept, separated by commas
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]

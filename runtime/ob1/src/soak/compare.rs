@@ -12,7 +12,8 @@ use crate::statistics::{INTERVALS, Ratio, Shift, beyond, compare as shift, neede
 use crate::units::time;
 
 /// The series that are compared by their intervals.
-const SERIES: [&str; 6] = ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];
+pub(super) const SERIES: [&str; 6] =
+    ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];
 /// A tail is worse when the values beyond the first run's percentile are more than this many times as many.
 const MORE: f64 = 2.0;
 
@@ -122,7 +123,7 @@ fn heading(r: &Report) -> String {
 }
 
 /// What makes the two hard to compare.
-fn differences(a: &Report, b: &Report) -> Vec<String> {
+pub(super) fn differences(a: &Report, b: &Report) -> Vec<String> {
     let cycle = |r: &Report| r.timing.as_ref().map_or_else(String::new, |t| time(t.min_cycle_ns as f64));
     let load =
         |r: &Report| r.load.as_ref().map_or_else(|| "none".to_owned(), |l| format!("{} seed {}", l.spec, l.seed));

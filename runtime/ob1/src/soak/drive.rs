@@ -151,6 +151,7 @@ impl Soak<'_> {
             schema: SOAK_SCHEMA,
             version: env!("CARGO_PKG_VERSION").into(),
             station: first.status.station.clone(),
+            host: rustix::system::uname().nodename().to_string_lossy().into_owned(),
             began_unix_s,
             wanted_ns: wanted.as_nanos() as u64,
             warm_up_ns: warm_up.as_nanos() as u64,

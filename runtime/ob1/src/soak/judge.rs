@@ -12,14 +12,7 @@ use ob1_timing::Class;
 
 /// Judges a report against its budget, and by how the soak ended.
 pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
-    report.slopes = SERIES
-        .iter()
-        .map(|(name, is_time)| NamedSlope {
-            series: (*name).to_owned(),
-            is_time: *is_time,
-            slope: hourly(&report.series(name)),
-        })
-        .collect();
+    report.slopes = slopes(report);
     let mut findings: Vec<Finding> = vec![stays_in_run(report)];
     findings.extend(report.reset_outside.then(|| Finding {
         budget: "accounts of all scans".into(),
@@ -32,8 +25,17 @@ pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
     report.findings = findings;
 }
 
+fn slopes(report: &Report) -> Vec<NamedSlope> {
+    let of = |(name, is_time): &(&str, bool)| NamedSlope {
+        series: (*name).to_owned(),
+        is_time: *is_time,
+        slope: hourly(&report.series(name)),
+    };
+    SERIES.iter().map(of).collect()
+}
+
 /// What every soak has to keep.
-fn stays_in_run(report: &Report) -> Finding {
+pub(super) fn stays_in_run(report: &Report) -> Finding {
     let seconds = report.measured_ns as f64 / 1e9;
     let (verdict, why) = match report.ended {
         Ended::Time => (Verdict::Pass, String::new()),
@@ -50,7 +52,7 @@ fn stays_in_run(report: &Report) -> Finding {
     Finding { budget: "stays in RUN".into(), measured, verdict, why }
 }
 
-fn finding(report: &Report, budget: &Budget) -> Finding {
+pub(super) fn finding(report: &Report, budget: &Budget) -> Finding {
     let (measured, verdict, why) = match &budget.what {
         What::Percentile(name, share) => of_percentile(report, name, *share, budget.limit),
         What::Max(name) => of_value(report, name, budget.limit, |spread| spread.max_ns as f64),
@@ -111,21 +113,29 @@ fn of_value(report: &Report, name: &str, limit: f64, value: impl Fn(&ob1_timing:
     (time(value), kept(good), if good { String::new() } else { causes(report) })
 }
 
-fn of_count(report: &Report, counted: Counted, limit: f64) -> Judged {
-    let Some(timing) = &report.timing else { return unseen("nothing has been read") };
+/// The figure that a budget limits, as a number; none where it was not seen.
+pub(super) fn figure(report: &Report, what: &What) -> Option<f64> {
+    let spread = |name: &str| report.distribution(name);
+    Some(match what {
+        What::Percentile(name, share) => quantile(&spread(name)?.buckets, *share) as f64,
+        What::Max(name) => spread(name)?.max_ns as f64,
+        What::Mean(name) => spread(name)?.mean_ns,
+        What::Count(counted) => how_many(report, *counted)? as f64,
+        What::Cell(name) => report.cells.iter().find(|cell| cell.name == *name)?.grown(),
+        What::Unexplained => report.timing.as_ref()?.late.unexplained_share,
+        What::Slope(series) => report.slopes.iter().find(|known| known.series == *series)?.slope?.per_unit,
+    })
+}
+
+/// How often it was counted; none where nobody has counted it.
+fn how_many(report: &Report, counted: Counted) -> Option<u64> {
+    let timing = report.timing.as_ref()?;
     let of_all = |field: fn(&CpLedger) -> u64| report.telegrams.iter().map(field).sum::<u64>();
     let of_cell =
         |role: Role| report.cells.iter().find(|cell| cell.role == role).map(|cell| cell.grown().max(0.0) as u64);
-    let told = match counted {
-        Counted::TelegramsDoubled => of_cell(Role::Doubled),
-        Counted::TelegramsWrong => of_cell(Role::Wrong),
-        _ => Some(0),
-    };
-    let Some(told) = told else {
-        return unseen("only the program knows this: name its counter with --doubled or --wrong");
-    };
-    let n = match counted {
-        Counted::TelegramsDoubled | Counted::TelegramsWrong => told,
+    Some(match counted {
+        Counted::TelegramsDoubled => of_cell(Role::Doubled)?,
+        Counted::TelegramsWrong => of_cell(Role::Wrong)?,
         Counted::Missed => timing.missed,
         Counted::Overruns => timing.overruns,
         Counted::Watchdog => timing.watchdogs,
@@ -137,6 +147,15 @@ fn of_count(report: &Report, counted: Counted, limit: f64) -> Judged {
         Counted::ReceiveLost => of_all(|cp| cp.receive_lost),
         Counted::ReceiveErrors => of_all(|cp| cp.receive_errors),
         Counted::DriversLost => of_all(|cp| cp.drivers_lost),
+    })
+}
+
+fn of_count(report: &Report, counted: Counted, limit: f64) -> Judged {
+    if report.timing.is_none() {
+        return unseen("nothing has been read");
+    }
+    let Some(n) = how_many(report, counted) else {
+        return unseen("only the program knows this: name its counter with --doubled or --wrong");
     };
     let good = n as f64 <= limit;
     let of_timing = matches!(counted, Counted::Missed | Counted::Overruns | Counted::Watchdog | Counted::Late(_));

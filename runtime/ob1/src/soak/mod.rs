@@ -13,6 +13,7 @@ pub mod html;
 mod judge;
 mod load;
 mod measure;
+mod merge;
 pub mod report;
 mod station;
 pub mod text;
@@ -31,9 +32,16 @@ pub fn soak(args: &SoakArgs) -> SoakExit {
     if let Some([a, b]) = args.compare.as_deref() {
         return compare::compare(a, b, f64::from(args.margin) / 100.0);
     }
+    if let Some(reports) = &args.merge {
+        return shown(merge::merge(reports, args), args);
+    }
     // clap has seen to it that both are there.
     let (Some(station), Some(time)) = (&args.station, args.time) else { return SoakExit::Inconclusive };
-    match drive::drive(station, time.into(), args) {
+    shown(drive::drive(station, time.into(), args), args)
+}
+
+fn shown(report: Result<Report, String>, args: &SoakArgs) -> SoakExit {
+    match report {
         Ok(report) => {
             if args.quiet {
                 say!("{}", report.verdict.line());

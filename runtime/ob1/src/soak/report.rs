@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::load::LoadReport;
 use super::verdict::{Ended, Finding, Verdict};
-use crate::statistics::{PERCENTILES, Percentile, Slope, percentile};
+use crate::statistics::{PERCENTILES, Percentile, Shift, Slope, percentile};
 use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
 use ob1_timing::snapshot::{Spread, Timing};
 
@@ -22,6 +22,12 @@ pub struct Report {
     pub version: String,
     /// Name of the station.
     pub station: String,
+    /// Name of the machine; empty in a report of many.
+    #[serde(default)]
+    pub host: String,
+    /// The machines of a report that was merged of theirs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub machines: Vec<Machine>,
     /// When it began, in seconds since 1970.
     pub began_unix_s: u64,
     /// How long was wanted.
@@ -65,6 +71,40 @@ pub struct Report {
     /// reading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<Timing>,
+}
+
+/// A machine of a merged report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Its name, or that of its report where names are not unique.
+    pub name: String,
+    /// Finished cycles.
+    pub scans: u64,
+    /// How many of them were late.
+    pub late: u64,
+    /// Deadlines missed.
+    pub missed: u64,
+    /// The verdict on it alone.
+    pub verdict: Verdict,
+    /// What it broke alone: the limits with what was measured.
+    pub broken: Vec<String>,
+    /// Growth of its series an hour.
+    pub slopes: Vec<NamedSlope>,
+    /// Each series beside the machine in the middle.
+    pub beside: Vec<Beside>,
+}
+
+/// A series of a machine beside that of the others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Beside {
+    /// As in a budget.
+    pub series: String,
+    /// The median of its intervals, in nanoseconds.
+    pub median_ns: f64,
+    /// How it differs from the machine in the middle; none with too few intervals.
+    pub shift: Option<Shift>,
+    /// How far it lies from the median of the machines, in units of their spread; none with less than 5 machines.
+    pub score: Option<f64>,
 }
 
 /// The percentiles of a distribution.
@@ -133,6 +173,26 @@ pub struct CellLedger {
 }
 
 impl CpLedger {
+    /// Takes over what the CP of that name has counted on another machine.
+    pub(super) fn merge(&mut self, other: &Self) {
+        let fields: [fn(&mut Self) -> &mut u64; 10] = [
+            |cp| &mut cp.accepted,
+            |cp| &mut cp.done,
+            |cp| &mut cp.error,
+            |cp| &mut cp.aborted,
+            |cp| &mut cp.lost,
+            |cp| &mut cp.received,
+            |cp| &mut cp.delivered,
+            |cp| &mut cp.receive_lost,
+            |cp| &mut cp.receive_errors,
+            |cp| &mut cp.drivers_lost,
+        ];
+        let mut other = other.clone();
+        for field in fields {
+            *field(self) = field(self).saturating_add(*field(&mut other));
+        }
+    }
+
     /// Orders that have no end so far.
     #[must_use]
     pub fn open(&self) -> u64 {

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::report::{CpLedger, Report, Role};
-use crate::statistics::{Percentile, SLOPE_NEEDS};
+use super::report::{Beside, CpLedger, Machine, Report, Role};
+use crate::statistics::{OUTLIER, Percentile, SLOPE_NEEDS};
 use ob1_station::posture;
 use ob1_timing::{self, Timing};
 
@@ -25,7 +25,11 @@ pub fn report(r: &Report) -> String {
         let _ = writeln!(out, "under load {} (seed {}): {}", load.spec, load.seed, load.done());
     }
     distributions(&mut out, r);
-    slopes(&mut out, r);
+    if r.machines.is_empty() {
+        slopes(&mut out, r);
+    } else {
+        machines(&mut out, r);
+    }
     scans(&mut out, r);
     telegrams(&mut out, r);
     out += &posture::text(&r.posture);
@@ -67,6 +71,42 @@ fn distributions(out: &mut String, r: &Report) {
     if !open.is_empty() {
         let _ = writeln!(out, "  - : less than 10 values would lie beyond it; {}", open.join(", "));
     }
+}
+
+/// The machines of a merged report, the slowest to wake first.
+fn machines(out: &mut String, r: &Report) {
+    let wake = |machine: &Machine| machine.beside.iter().find(|beside| beside.series == "wake.p99").cloned();
+    let mut rows: Vec<(&Machine, Option<Beside>)> = r.machines.iter().map(|machine| (machine, wake(machine))).collect();
+    let median = |beside: &Option<Beside>| beside.as_ref().map_or(0.0, |beside| beside.median_ns);
+    rows.sort_by(|a, b| median(&b.1).total_cmp(&median(&a.1)));
+    let width = r.machines.iter().map(|machine| machine.name.chars().count()).max().unwrap_or(0).max(7);
+    let _ = writeln!(
+        out,
+        "\n{:<width$}  {:>9}{:>7}{:>7}{:>12}{:>14}{:>28}{:>8}{:>16}  alone",
+        "machine", "scans", "late", "missed", "wake.p99", "beside middle", "95 % interval", "score", "rss an hour"
+    );
+    for (machine, wake) in rows {
+        let shift = wake.as_ref().and_then(|beside| beside.shift);
+        let of_shift = shift.map(|s| (time(s.shift), format!("[{} .. {}]", time(s.low), time(s.high))));
+        let (by, within) = of_shift.unwrap_or_default();
+        let score = wake.as_ref().and_then(|beside| beside.score).map_or(String::new(), |score| format!("{score:.1}"));
+        let rss = machine.slopes.iter().find(|slope| slope.series == "rss").and_then(|rss| rss.slope);
+        let rss = rss.map_or_else(|| "-".into(), |slope| amount("rss", false, slope.per_unit));
+        let _ = writeln!(
+            out,
+            "{:<width$}  {:>9}{:>7}{:>7}{:>12}{by:>14}{within:>28}{score:>8}{rss:>16}  {}",
+            machine.name,
+            machine.scans,
+            machine.late,
+            machine.missed,
+            time(median(&wake)),
+            machine.verdict.text()
+        );
+    }
+    let _ = writeln!(
+        out,
+        "  wake.p99: median of the intervals; beside middle: Hodges and Lehmann; score: modified z, an outlier beyond {OUTLIER}"
+    );
 }
 
 fn slopes(out: &mut String, r: &Report) {

@@ -300,6 +300,18 @@ pub struct Status {
     pub pid: u32,
     /// Operating state: `STOP`, `STARTUP`, `RUN`.
     pub state: String,
+    /// Version of the runtime.
+    #[serde(default)]
+    pub version: String,
+    /// Fingerprint of the program that runs now: the same program has the same, wherever it runs.
+    #[serde(default)]
+    pub program: String,
+    /// Where others reach it: its links that listen.
+    #[serde(default)]
+    pub listens: Vec<Listens>,
+    /// The minimum cycle time; 0: none.
+    #[serde(default)]
+    pub min_cycle_ns: u64,
     /// Nanoseconds since the runtime started.
     pub runtime_ns: u64,
     /// Finished cycles in RUN since the start or the last reset of the statistics.
@@ -350,6 +362,18 @@ pub struct Status {
     /// Why they will be lost when the station ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub downloads_not_kept: Option<String>,
+}
+
+/// A link that listens.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct Listens {
+    /// Its type, as in the station file.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Its address, as in the station file.
+    pub address: std::net::SocketAddr,
+    /// With TLS.
+    pub tls: bool,
 }
 
 /// A distribution of times, in nanoseconds.

@@ -20,6 +20,7 @@ use ob1_rt::MonotonicClock;
 use ob1_stl::Library;
 use serde_json::json;
 
+use crate::access::protocol::Listens;
 use crate::compiling::Request;
 use crate::confinement;
 use crate::download::{self, Changes, Downloading};
@@ -286,6 +287,7 @@ pub fn assemble(
     };
     let view = StationView {
         name: station.name.clone(),
+        listens: station.links.iter().filter_map(listens).collect(),
         family: station.cpu.family,
         known,
         alarm_texts: Arc::new(station.alarm_texts.clone()),
@@ -313,6 +315,12 @@ pub fn assemble(
         compile,
         download,
     })
+}
+
+/// Where a link is reached.
+fn listens(link: &StationLink) -> Option<Listens> {
+    let tls = link.config.contains("\"certificate\":");
+    Some(Listens { kind: link.kind.word().to_owned(), address: link.listen?, tls })
 }
 
 /// Forces what was forced when the station ended.

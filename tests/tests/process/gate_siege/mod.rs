@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use ob1_line::sim::SplitMix64;
 use ob1_tests::opcua::{OpcUa, OpcUaError, hello, value_of};
-use ob1_tests::siege::{Span, mutate, rounds};
+use ob1_tests::siege::{Span, mutate, random, rounds};
 use opcua_types::{
     CloseSessionRequest, DataValue, NodeId, ReadRequest, ReadResponse, StatusCode, Variant, WriteRequest,
     WriteResponse, WriteValue,
@@ -156,7 +156,7 @@ fn gate_http() {
     requests.push(post("/api/login", &json!({ "user": "anna", "password": "anna-secret" })));
     requests.push(post("/api/logout", &json!({})));
     let span = Span::of(300);
-    let mut random = SplitMix64::new(0x4854_5450);
+    let mut random = random(0x4854_5450);
     let (mut round, mut answered) = (0, 0);
     while span.goes_on(round) {
         let pick = |random: &mut SplitMix64| &requests[random.below(requests.len() as u64) as usize];
@@ -185,7 +185,7 @@ fn gate_opcua() {
     let address = SocketAddr::from(([127, 0, 0, 1], port));
     let mut besieged = Besieged::new(station, channel_opens(address));
     let span = Span::of(60);
-    let mut random = SplitMix64::new(0x4F50_4355);
+    let mut random = random(0x4F50_4355);
     let (mut round, mut sent) = (0, 0);
     while span.goes_on(round) {
         round += 1;
@@ -341,7 +341,7 @@ fn gate_mqtt() {
         publish("spBv1.0/plant/NCMD/gs-mqtt", "\u{8}\u{1}\u{12}\u{4}MW20"),
     ];
     let span = Span::of(8);
-    let mut random = SplitMix64::new(0x4D51_5454);
+    let mut random = random(0x4D51_5454);
     let mut round = 0;
     while span.goes_on(round) {
         let (mut stream, _) = listener.accept().expect("the link connects again");

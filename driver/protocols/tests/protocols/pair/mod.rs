@@ -370,7 +370,7 @@ fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Instant, pause
 }
 
 /// The kept seeds of a test: lines `TEST NUMBER` in `tests/seeds/*.txt`, with a comment after `#`.
-pub(crate) fn kept_seeds(test: &str) -> Vec<u64> {
+fn kept_seeds(test: &str) -> Vec<u64> {
     let mut files: Vec<_> = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/seeds"))
         .expect("the directory of kept seeds")
         .map(|entry| entry.expect("a directory entry").path())
@@ -399,6 +399,14 @@ pub(crate) fn environment(name: &str) -> Option<u64> {
     std::env::var(name).ok().and_then(|text| text.parse().ok())
 }
 
+/// The seeds of a run: those that are kept first, then 1, 2, 3, ...; in a part of a campaign (`--part`) only others.
+pub(crate) fn seeds(test: &str) -> impl Iterator<Item = u64> {
+    let part = std::env::var("OB1_PART").ok();
+    let number = part.as_ref().and_then(|part| part.split_once('/')?.0.parse::<u64>().ok()).unwrap_or(1);
+    let kept = if number == 1 { kept_seeds(test) } else { Vec::new() };
+    kept.into_iter().chain(((number - 1) << 32) + 1..)
+}
+
 /// The words for a seed that failed.
 pub(crate) fn failure(test: &str, seed: u64) -> String {
     format!(
@@ -416,7 +424,7 @@ pub(crate) fn check<D: Duet>() {
     let wanted = environment("OB1_TELEGRAMS").unwrap_or(20_000);
     let mut sum = Sum::default();
     let mut conversations = 0_u64;
-    for seed in kept_seeds(D::TEST).into_iter().chain(1..) {
+    for seed in seeds(D::TEST) {
         let Ok(result) = catch_unwind(AssertUnwindSafe(|| run::<D>(seed, D::worst(), false))) else {
             panic!("{}", failure(D::TEST, seed));
         };

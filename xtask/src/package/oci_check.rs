@@ -1,0 +1,343 @@
+//! `cargo xtask package --oci --check`: the image, run rootless by podman.
+//!
+//! Station A of the demo runs in the container; station B, its partner, runs outside, and both are connected by a pseudo
+//! terminal that the container gets as a device. podman runs as a user without rights: as ours, or, for root, as one
+//! that is made for the check.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::oci::{self, Image};
+use super::parts::Parts;
+use super::{Site, digest};
+use crate::cargo;
+use crate::failure::{Outcome, step};
+use crate::{needs, shell};
+
+/// What the issue of a container asks for.
+const SLOWEST_START: Duration = Duration::from_secs(3);
+/// Bytes of the image as a registry has it.
+const LARGEST: u64 = 60_000_000;
+/// Telegrams that have to come back before the kill, and after it.
+const TELEGRAMS: u64 = 50;
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Runs of each kind beside each other, and how long each lasts.
+const PAIRS: usize = 5;
+const RUN: &str = "4s";
+/// The user that root makes for the check.
+const GUEST: &str = "ob1check";
+
+pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
+    needs::satisfy(&[needs::PODMAN])?;
+    let passed = |what: &str| println!("ok  {what}");
+    let before = digest(&image.oci)?;
+    let after = digest(&oci::build(site, parts)?.oci)?;
+    if before != after {
+        return Err(step(format!("made twice, not the same: {before}, then {after}")));
+    }
+    passed("made twice, the same to the byte");
+    let bytes = std::fs::metadata(&image.oci).map_err(|why| step(format!("{}: {why}", image.oci.display())))?.len();
+    if bytes > LARGEST {
+        return Err(step(format!("{bytes} bytes; {LARGEST} are allowed")));
+    }
+    passed(&format!("{:.1} MB as it is sent, {:.1} MB of files", bytes as f64 / 1e6, image.kib as f64 * 1.024e-3));
+    let engine = Engine::new(site, image)?;
+    let started = engine.start()?;
+    if started > SLOWEST_START {
+        return Err(step(format!("RUN after {started:?}; {SLOWEST_START:?} are allowed")));
+    }
+    passed(&format!("in RUN {:.2} s after podman run, rootless, with a read-only root", started.as_secs_f64()));
+    engine.podman(&["healthcheck", "run", CONTAINER])?;
+    passed("its health check says so, too");
+    let good = engine.telegrams(0)?;
+    passed(&format!("{good} telegrams there and back over a pseudo terminal"));
+    let kept = killed_and_back(&engine, good)?;
+    passed(&kept);
+    let written = engine.podman(&["diff", CONTAINER])?;
+    // Where something is mounted or handed in, podman makes the place for it.
+    let own = |line: &&str| {
+        !["/run", "/tmp", "/etc", "/dev", "/proc", "/sys", "/var"].iter().any(|at| line[2..].starts_with(at))
+    };
+    if let Some(line) = written.lines().filter(|line| line.len() > 2).find(own) {
+        return Err(step(format!("written outside of its volume: {line}")));
+    }
+    passed("nothing is written outside of its volume");
+    let stopped = Instant::now();
+    engine.podman(&["stop", "--time", "10", CONTAINER])?;
+    let code = engine.podman(&["inspect", "--format", "{{.State.ExitCode}}", CONTAINER])?;
+    if code.trim() != "0" {
+        return Err(step(format!("podman stop: exit code {}", code.trim())));
+    }
+    passed(&format!("SIGTERM ends it in order, in {:.1} s", stopped.elapsed().as_secs_f64()));
+    passed(&engine.wake_up(site)?);
+    Ok(())
+}
+
+const CONTAINER: &str = "ob1-check";
+
+/// `kill -9`, and a start: the value that was set is there, and telegrams come back.
+fn killed_and_back(engine: &Engine, good: u64) -> Outcome<String> {
+    engine.ob1(&["set", STATION, "MW200=4711"])?;
+    // Retentive memory is written each second.
+    thread::sleep(Duration::from_secs(3));
+    engine.podman(&["kill", "--signal", "KILL", CONTAINER])?;
+    engine.podman(&["wait", CONTAINER])?;
+    engine.podman(&["start", CONTAINER])?;
+    engine.until("RUN after the kill", |engine| engine.ob1(&["ctl", STATION, "ready"]).is_ok().then_some(()))?;
+    let value = engine.ob1(&["get", STATION, "MW200"])?;
+    if !value.contains("4711") {
+        return Err(step(format!("the value is lost: {value}")));
+    }
+    let more = engine.telegrams(good)?;
+    Ok(format!("killed and back with its values; {} more telegrams", more - good))
+}
+
+/// The station file in the container.
+const STATION: &str = "/etc/ob1/station.toml";
+
+/// podman as a user without rights, with a storage of its own; and the partner outside.
+struct Engine {
+    folder: PathBuf,
+    rootless: Vec<String>,
+    image: String,
+    partner: Child,
+    ob1: PathBuf,
+}
+
+impl Engine {
+    fn new(site: &Site, image: &Image) -> Outcome<Self> {
+        let folder = std::env::temp_dir().join(format!("ob1-oci-{}", std::process::id()));
+        for name in ["station", "state", "store", "run", "outside"] {
+            let path = folder.join(name);
+            std::fs::create_dir_all(&path).map_err(|why| step(format!("{}: {why}", path.display())))?;
+        }
+        let ob1 = site.built.join("ob1");
+        stations(&folder)?;
+        let partner = partner(site, &folder)?;
+        let rootless = rootless(&folder)?;
+        let engine = Self { folder, rootless, image: image.name.clone(), partner, ob1 };
+        engine.until("the partner has its line", |engine| engine.line().ok())?;
+        engine.podman(&["load", "--quiet", "--input", &image.docker.display().to_string()])?;
+        Ok(engine)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let own = |name: &str| self.folder.join(name).display().to_string();
+        let mut words = self.rootless.clone();
+        words.extend([
+            "env".into(),
+            format!("HOME={}", own("run")),
+            format!("XDG_RUNTIME_DIR={}", own("run")),
+            "podman".into(),
+        ]);
+        for (option, value) in
+            [("--storage-driver", "vfs".to_owned()), ("--root", own("store")), ("--runroot", own("run"))]
+        {
+            words.extend([option.to_owned(), value]);
+        }
+        words.extend(["--cgroup-manager", "cgroupfs", "--runtime", "crun"].map(str::to_owned));
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]).args(args).stdin(Stdio::null()).current_dir(&self.folder);
+        command
+    }
+
+    fn podman(&self, args: &[&str]) -> Outcome<String> {
+        let output = self.command(args).output().map_err(|why| step(format!("podman: {why}")))?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        if output.status.success() {
+            return Ok(text(&output.stdout));
+        }
+        let words = args.first().copied().unwrap_or_default();
+        Err(step(format!("podman {words}: {} {}", text(&output.stdout), text(&output.stderr))))
+    }
+
+    /// `ob1` in the container.
+    fn ob1(&self, args: &[&str]) -> Outcome<String> {
+        self.podman(&[&["exec", CONTAINER, "/usr/bin/ob1"], args].concat())
+    }
+
+    /// The pseudo terminal of the partner.
+    fn line(&self) -> Outcome<String> {
+        let link = self.folder.join("outside/null-modem.pty");
+        let path = std::fs::canonicalize(&link).map_err(|why| step(format!("{}: {why}", link.display())))?;
+        // The user of the container opens it.
+        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+        std::fs::set_permissions(&path, mode).map_err(|why| step(format!("{}: {why}", path.display())))?;
+        Ok(path.display().to_string())
+    }
+
+    /// The options of a container as this check and `docs/fleet.md` have it.
+    fn options(&self, more: &[String]) -> Vec<String> {
+        let own = |name: &str| self.folder.join(name).display().to_string();
+        let mut options: Vec<String> = [
+            "--read-only",
+            "--cap-drop=all",
+            "--security-opt=no-new-privileges",
+            "--network=none",
+            "--cgroups=disabled",
+        ]
+        .map(str::to_owned)
+        .to_vec();
+        options.push("--userns=keep-id:uid=990,gid=990".into());
+        options.push("--tmpfs=/run:mode=1777".into());
+        options.push(format!("--volume={}:/etc/ob1:ro", own("station")));
+        options.push(format!("--volume={}:/var/lib/ob1", own("state")));
+        options.extend_from_slice(more);
+        options
+    }
+
+    /// Starts the container; how long it took until the station was in RUN.
+    fn start(&self) -> Outcome<Duration> {
+        let device = format!("--device={}:/dev/ttyOB1", self.line()?);
+        let options = self.options(&[device]);
+        let mut args = vec!["run", "--detach", "--name", CONTAINER];
+        args.extend(options.iter().map(String::as_str));
+        args.push(&self.image);
+        let begin = Instant::now();
+        self.podman(&args)?;
+        self.until("RUN", |engine| engine.ob1(&["ctl", STATION, "ready"]).is_ok().then_some(()))?;
+        Ok(begin.elapsed())
+    }
+
+    /// Waits until so many more telegrams have come back right; returns how many have.
+    fn telegrams(&self, before: u64) -> Outcome<u64> {
+        self.until("telegrams come back", |engine| {
+            let text = engine.ob1(&["get", STATION, "DB20.GOOD"]).ok()?;
+            let number = text.split_whitespace().nth(1)?.parse::<u64>().ok()?;
+            // After a start the program counts from what was kept.
+            (number >= before + TELEGRAMS).then_some(number)
+        })
+    }
+
+    fn until<T>(&self, what: &str, look: impl Fn(&Self) -> Option<T>) -> Outcome<T> {
+        let begin = Instant::now();
+        loop {
+            if let Some(found) = look(self) {
+                return Ok(found);
+            }
+            if begin.elapsed() > PATIENCE {
+                let log = self.podman(&["logs", CONTAINER]).unwrap_or_default();
+                return Err(step(format!("{what}: not after {} s\n{log}", PATIENCE.as_secs())));
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// The wake-up of the same station, outside and inside, in turns: how the runs outside differ among themselves is
+    /// the limit.
+    fn wake_up(&self, site: &Site) -> Outcome<String> {
+        let (mut outside, mut inside) = (Vec::new(), Vec::new());
+        for pair in 0..PAIRS {
+            outside.push(self.outside(site, &format!("outside-{pair}"))?);
+            inside.push(self.inside(&format!("inside-{pair}"))?);
+        }
+        outside.push(self.outside(site, "outside-last")?);
+        let range =
+            |values: &[u64]| (values.iter().copied().min().unwrap_or(0), values.iter().copied().max().unwrap_or(0));
+        let middle = |values: &[u64]| {
+            let mut sorted = values.to_vec();
+            sorted.sort_unstable();
+            sorted.get(sorted.len() / 2).copied().unwrap_or(0) as f64 / 1e3
+        };
+        let (low, high) = range(&outside);
+        let told = format!(
+            "wake-up p99 outside {:.0} µs ({:.0} .. {:.0} in {} runs), inside {:.0} µs",
+            middle(&outside),
+            low as f64 / 1e3,
+            high as f64 / 1e3,
+            outside.len(),
+            middle(&inside)
+        );
+        if middle(&inside) * 1e3 <= high as f64 { Ok(told) } else { Err(step(format!("{told}: beyond A/A"))) }
+    }
+
+    fn outside(&self, site: &Site, name: &str) -> Outcome<u64> {
+        let report = self.folder.join("state").join(name);
+        let mut command = Command::new(&self.ob1);
+        command
+            .args(["run", "--quiet", "--for", RUN, "--report"])
+            .arg(&report)
+            .arg(self.folder.join("outside/wake.toml"));
+        command.env("XDG_RUNTIME_DIR", self.folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
+        shell::read(&mut command)?;
+        wake_p99(&report)
+    }
+
+    fn inside(&self, name: &str) -> Outcome<u64> {
+        let options = self.options(&[]);
+        let report = format!("/var/lib/ob1/{name}");
+        let mut args = vec!["run", "--rm"];
+        args.extend(options.iter().map(String::as_str));
+        args.extend([&self.image, "run", "--quiet", "--for", RUN, "--report", &report, "/etc/ob1/wake.toml"]);
+        self.podman(&args)?;
+        wake_p99(&self.folder.join("state").join(name))
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        let _ = self.podman(&["rm", "--force", "--all"]);
+        let _ = self.podman(&["rmi", "--force", "--all"]);
+        let _ = self.podman(&["system", "migrate"]);
+        let _ = Command::new("kill").arg("-TERM").arg(self.partner.id().to_string()).status();
+        let _ = self.partner.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// The wake-up in the report of a run, in nanoseconds.
+fn wake_p99(report: &Path) -> Outcome<u64> {
+    let text = std::fs::read_to_string(report).map_err(|why| step(format!("{}: {why}", report.display())))?;
+    let value: serde_json::Value = serde_json::from_str(&text).map_err(|why| step(why.to_string()))?;
+    let found = value.pointer("/timing/wake/p99_ns").or_else(|| value.pointer("/status/wake/p99_ns"));
+    found.and_then(serde_json::Value::as_u64).ok_or_else(|| step("the report has no wake-up"))
+}
+
+/// Station A as the container gets it, the same without a CP for its wake-up, and station B outside.
+fn stations(folder: &Path) -> Outcome {
+    let example = cargo::root().join("examples/two-stations");
+    let read = |name: &str| std::fs::read_to_string(example.join(name)).map_err(|why| step(format!("{name}: {why}")));
+    let write =
+        |name: &str, text: &str| std::fs::write(folder.join(name), text).map_err(|why| step(format!("{name}: {why}")));
+    let kept = "\n[retentive]\nmemory = [\"200..209\"]\n";
+    let a = read("station-a.toml")?.replace("pty:null-modem.pty", "serial:/dev/ttyOB1") + kept;
+    write("station/station.toml", &a)?;
+    write("station/a.awl", &read("a.awl")?)?;
+    write("outside/b.awl", &read("b.awl")?)?;
+    write("outside/station.toml", &read("station-b.toml")?.replace("serial:null-modem.pty", "pty:null-modem.pty"))?;
+    let wake = "[station]\nname = \"wake\"\n\n[cpu]\nmin_cycle = \"1ms\"\nwatchdog = \"1s\"\n\n[program]\nsources = [\"wake.awl\"]\n";
+    let empty = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n      L     MW 100;\n      +     1;\n      T     MW 100;\nEND_ORGANIZATION_BLOCK\n";
+    for at in ["station", "outside"] {
+        write(&format!("{at}/wake.toml"), wake)?;
+        write(&format!("{at}/wake.awl"), empty)?;
+    }
+    Ok(())
+}
+
+fn partner(site: &Site, folder: &Path) -> Outcome<Child> {
+    let mut command = Command::new(site.built.join("ob1"));
+    command.args(["run", "--quiet", "station.toml"]).current_dir(folder.join("outside"));
+    command.env("XDG_RUNTIME_DIR", folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().map_err(|why| step(format!("ob1: {why}")))
+}
+
+/// The words before podman: none for a user; for root those that make it the guest, in a view of the machine that has
+/// the control groups of today only.
+fn rootless(folder: &Path) -> Outcome<Vec<String>> {
+    let is_root = shell::read(Command::new("id").arg("-u"))?.trim() == "0";
+    if !is_root {
+        return Ok(vec!["env".into()]);
+    }
+    if !shell::works(Command::new("id").arg(GUEST)) {
+        shell::run(Command::new("useradd").args(["--system", "--add-subids-for-system", "--no-create-home", GUEST]))?;
+    }
+    for name in ["station", "state", "store", "run"] {
+        shell::run(Command::new("chown").arg(GUEST).arg(folder.join(name)))?;
+    }
+    // crun refuses a machine with both kinds of control groups; a container needs none here.
+    let view = "if [ -d /sys/fs/cgroup/unified ]; then umount -R /sys/fs/cgroup; mount -t cgroup2 cgroup /sys/fs/cgroup; fi; \
+        mount --make-rshared /; exec runuser -u ob1check -- \"$@\"";
+    Ok(["unshare", "--mount", "--propagation", "private", "sh", "-c", view, "sh"].map(str::to_owned).to_vec())
+}
