@@ -179,7 +179,7 @@ impl<R: Read> Replay<R> {
         let mut replayed = Replayed::default();
         let mut counts: Vec<(u64, Vec<Difference>)> = vec![(0, Vec::new()); self.items.len()];
         let mut before: Option<Row> = None;
-        while let Some(entry) = self.reader.next()? {
+        while let Some(entry) = self.reader.next_entry()? {
             let Entry::Row(row) = entry else { continue };
             if row.state != OperatingState::Run {
                 before = None;
