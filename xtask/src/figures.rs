@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::cargo::{Profile, TESTS, cargo};
 use crate::failure::Outcome;
-use crate::{python, shell, siege};
+use crate::{needs, python, shell, siege};
 
 /// `cargo xtask sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]`: simulates the whole station in virtual
 /// time. The program evaluates the options, except `--debug`: it runs the build of the tests, for a machine that has
@@ -72,7 +72,13 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     let python =
         if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };
     let packages = ["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-s7-process", "ob1-tests"];
-    release_run("bench", &packages, args, python.as_deref())
+    let mut build = release_build(&packages);
+    if args.iter().any(|arg| arg == "backplane") {
+        needs::satisfy(&[needs::LIBCLANG])?;
+        build.arg("--features=ob1-tests/iceoryx");
+    }
+    shell::run(&mut build)?;
+    start("bench", Profile::Release, args, python.as_deref())
 }
 
 /// `cargo xtask compare [--seeds N] [--seed S]`: runs random STL programs on our engine and on awlsim. The program
@@ -85,14 +91,18 @@ pub(crate) fn compare(args: &[String]) -> Outcome {
     release_run("compare", &["ob1-tests"], args, Some(&python))
 }
 
-/// Builds `packages` with their plugins and binaries, then runs the program `name` of the tests crate.
+/// Builds these packages with their plugins and binaries, then runs the program `name` of the tests crate.
 fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&Path>) -> Outcome {
+    shell::run(&mut release_build(packages))?;
+    start(name, Profile::Release, args, python)
+}
+
+fn release_build(packages: &[&str]) -> std::process::Command {
     let mut build = cargo(&["build", "--release"]);
     for package in packages {
         build.args(["--package", package]);
     }
-    shell::run(&mut build)?;
-    start(name, Profile::Release, args, python)
+    build
 }
 
 /// Runs the program `name` of the tests crate, with the plugins and binaries beside it.

@@ -97,6 +97,9 @@ pub(crate) const SLURM: Need = Need {
     here: || on_path("sbatch") && Path::new("/usr/sbin/munged").is_file(),
 };
 
+/// Reads the headers of C for the build of iceoryx2.
+pub(crate) const LIBCLANG: Need = Need { what: "libclang", packages: &["libclang-dev"], here: has_libclang };
+
 /// Makes sure that all `needs` are installed.
 ///
 /// # Errors
@@ -143,6 +146,11 @@ fn packages<'a>(needs: impl IntoIterator<Item = &'a Need>, here: impl Fn(&Need) 
 /// Whether packages may be installed: only as root.
 fn may_install() -> bool {
     shell::works(Command::new("sh").args(["-c", "[ \"$(id -u)\" = 0 ]"]))
+}
+
+fn has_libclang() -> bool {
+    let versions = std::fs::read_dir("/usr/lib").into_iter().flatten().flatten();
+    versions.map(|version| version.path().join("lib/libclang.so")).any(|library| library.is_file())
 }
 
 fn on_path(program: &str) -> bool {

@@ -261,7 +261,7 @@ mod tests {
         capture.flush(&mut file);
         let mut reader = Reader::new(&file[..]).expect("a recording");
         let (mut parts, mut counted) = (Vec::new(), 0);
-        while let Some(entry) = reader.next().expect("whole") {
+        while let Some(entry) = reader.next_entry().expect("whole") {
             match entry {
                 Entry::Event(Event::Part { .. }) => parts.push(Vec::new()),
                 Entry::Row(row) => {
@@ -321,7 +321,7 @@ mod tests {
         capture.end("time", Instant::START, &mut file);
         let mut reader = Reader::new(&file[..]).expect("a recording");
         let (mut last, mut end) = (0, None);
-        while let Some(entry) = reader.next().expect("whole") {
+        while let Some(entry) = reader.next_entry().expect("whole") {
             match entry {
                 Entry::Row(row) => last = row.lost,
                 Entry::Event(Event::End { rows, lost, .. }) => end = Some((rows, lost)),

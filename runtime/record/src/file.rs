@@ -233,7 +233,7 @@ impl<R: Read> Reader<R> {
         self.cut
     }
 
-    /// Entries that were read and not taken yet: [`Reader::next`] does not wait for them.
+    /// Entries that were read and not taken yet: [`Reader::next_entry`] does not wait for them.
     #[must_use]
     pub fn has_more(&self) -> bool {
         self.entries.len() > 0
@@ -249,7 +249,7 @@ impl<R: Read> Reader<R> {
     ///
     /// # Errors
     /// [`FormatError`]: a block was changed, or the system refuses to read.
-    pub fn next(&mut self) -> Result<Option<Entry>, FormatError> {
+    pub fn next_entry(&mut self) -> Result<Option<Entry>, FormatError> {
         loop {
             if let Some(entry) = self.entries.next() {
                 return Ok(Some(entry));

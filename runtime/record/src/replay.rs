@@ -20,6 +20,8 @@ const TOLD: usize = 3;
 pub struct Pace {
     /// When it began.
     pub start: Instant,
+    /// From then to the start of OB 1, without interrupts.
+    pub inputs: Span,
     /// What a statement takes.
     pub statement: Span,
 }
@@ -177,7 +179,7 @@ impl<R: Read> Replay<R> {
         let mut replayed = Replayed::default();
         let mut counts: Vec<(u64, Vec<Difference>)> = vec![(0, Vec::new()); self.items.len()];
         let mut before: Option<Row> = None;
-        while let Some(entry) = self.reader.next()? {
+        while let Some(entry) = self.reader.next_entry()? {
             let Entry::Row(row) = entry else { continue };
             if row.state != OperatingState::Run {
                 before = None;
@@ -265,5 +267,5 @@ impl<R: Read> Replay<R> {
 fn pace(row: &Row) -> Pace {
     let scan = &row.scan;
     let statement = Span::from_nanos(scan.program.nanos().checked_div(scan.statements).unwrap_or(0));
-    Pace { start: scan.start, statement }
+    Pace { start: scan.start, inputs: scan.inputs, statement }
 }

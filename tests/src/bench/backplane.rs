@@ -1,6 +1,5 @@
 //! The back plane alone: a round trip of sixteen bytes between two spinning processes, compared with a round trip of
-//! one word and with iceoryx2; a round trip to a driver that sleeps, compared with a bare eventfd and with iceoryx2's
-//! event.
+//! one word; a round trip to a driver that sleeps, compared with a bare eventfd.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -9,12 +8,11 @@ use std::time::{Duration, Instant};
 use ob1_backplane::{CpSide, CpuSide, Segment};
 use rustix::event::{PollFd, PollFlags, poll};
 
-use super::iceoryx::{Events, Registered};
 use super::peer::{Failure, Peer, Words};
 use super::{Figure, in_turns, median};
 
-const ROUND_TRIPS: u64 = 20_000;
-const ROUNDS: usize = 31;
+pub(super) const ROUND_TRIPS: u64 = 20_000;
+pub(super) const ROUNDS: usize = 31;
 
 /// The peer's side of the registers: writes back what it reads.
 ///
@@ -89,7 +87,7 @@ const NAP: Duration = Duration::from_micros(150);
 const WAKES: u32 = 300;
 
 /// The mean time of `trip`, to a side that has fallen asleep.
-fn asleep(mut trip: impl FnMut() -> Result<(), Failure>) -> Result<f64, Failure> {
+pub(super) fn asleep(mut trip: impl FnMut() -> Result<(), Failure>) -> Result<f64, Failure> {
     let mut total = Duration::ZERO;
     for _ in 0..WAKES {
         let start = Instant::now();
@@ -103,12 +101,11 @@ fn asleep(mut trip: impl FnMut() -> Result<(), Failure>) -> Result<f64, Failure>
     Ok(total.as_nanos() as f64 / f64::from(WAKES))
 }
 
-/// A driver that sleeps beside a bare eventfd and iceoryx2's event: the answer of the first two is a word, on which
-/// this side spins; that of the third another event.
+/// A driver that sleeps beside a bare eventfd: the answer is a word, on which this side spins.
 ///
 /// # Errors
 /// If a segment or a process cannot be created.
-pub fn measure_asleep() -> Result<Vec<Figure>, Failure> {
+pub fn measure_asleep() -> Result<Figure, Failure> {
     let registers = Segment::create_shared()?;
     let mut cpu = CpuSide::create(&registers, 16)?;
     let word = Segment::create_shared()?;
@@ -117,10 +114,7 @@ pub fn measure_asleep() -> Result<Vec<Figure>, Failure> {
     let bell = driver.stdin().ok_or("no pipe")?;
     let eventfd = rustix::event::eventfd(0, rustix::event::EventfdFlags::CLOEXEC)?;
     let _bare = Peer::start_with("eventfd", &word, eventfd.try_clone()?)?;
-    let process = std::process::id().to_string();
-    let events = Events::new(&process, "there", "back")?;
-    let _other = Peer::start_by_name("iceoryx-event", &process)?;
-    let (mut serial, mut of_registers, mut of_eventfd, mut of_events) = (0u64, Vec::new(), Vec::new(), Vec::new());
+    let (mut serial, mut of_registers, mut of_eventfd) = (0u64, Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         of_registers.push(asleep(|| {
             serial += 1;
@@ -139,63 +133,19 @@ pub fn measure_asleep() -> Result<Vec<Figure>, Failure> {
             words.wait();
             Ok(())
         })?);
-        of_events.push(asleep(|| {
-            events.notify()?;
-            events.wait()
-        })?);
     }
-    let [value, bare, event] = [&mut of_registers, &mut of_eventfd, &mut of_events].map(|of| median(of));
-    let figure = |floor, aim| Figure {
+    let [value, bare] = [&mut of_registers, &mut of_eventfd].map(|of| median(of));
+    Ok(Figure {
         what: "back plane round trip, 16 bytes, driver asleep".into(),
         value,
         unit: "ns",
-        floor: Some(floor),
-        aim,
-    };
-    Ok(vec![
-        figure(("bare eventfd wake-up, word back", bare), ("<= 1.05 x floor", value <= 1.05 * bare)),
-        figure(("iceoryx2 event there and back, both asleep", event), ("", true)),
-    ])
-}
-
-/// The back plane beside iceoryx2: a round trip of ours against one way of its publish-subscribe, half of its round
-/// trip.
-///
-/// # Errors
-/// If a segment or a process cannot be created.
-pub fn measure_iceoryx() -> Result<Figure, Failure> {
-    let registers = Segment::create_shared()?;
-    let mut cpu = CpuSide::create(&registers, 16)?;
-    let mut serial = 0u64;
-    let mut through_registers = || round_trip(&mut cpu, &mut serial);
-    let process = std::process::id().to_string();
-    let ends = Registered::new(&process, "there", "back")?;
-    let (ours, theirs) = in_turns(
-        ROUNDS,
-        || timed(&registers, "registers", &mut through_registers),
-        || {
-            let _peer = Peer::start_by_name("iceoryx", &process)?;
-            ends.send([0; 2])?;
-            ends.receive()?;
-            let start = Instant::now();
-            for round in 0..ROUND_TRIPS {
-                ends.send([round; 2])?;
-                ends.receive()?;
-            }
-            Ok(start.elapsed().as_nanos() as f64 / ROUND_TRIPS as f64 / 2.0)
-        },
-    )?;
-    Ok(Figure {
-        what: "back plane round trip, 16 bytes, both spin".into(),
-        value: ours,
-        unit: "ns",
-        floor: Some(("iceoryx2 publish-subscribe, one way", theirs)),
-        aim: ("<= 1.0 x floor", ours <= theirs),
+        floor: Some(("bare eventfd wake-up, word back", bare)),
+        aim: ("<= 1.05 x floor", value <= 1.05 * bare),
     })
 }
 
 /// One round trip of sixteen bytes.
-fn round_trip(cpu: &mut CpuSide, serial: &mut u64) {
+pub(super) fn round_trip(cpu: &mut CpuSide, serial: &mut u64) {
     *serial += 1;
     // Word by word: sixteen bytes compared at once would wait for the two words just stored.
     let mut registers = [0u8; 16];
@@ -245,7 +195,7 @@ pub fn measure() -> Result<Figure, Failure> {
 }
 
 /// One round: a new peer, one round trip until it is running, then many.
-fn timed(segment: &Segment, role: &str, mut round_trip: impl FnMut()) -> Result<f64, Failure> {
+pub(super) fn timed(segment: &Segment, role: &str, mut round_trip: impl FnMut()) -> Result<f64, Failure> {
     let _peer = Peer::start(role, segment)?;
     round_trip();
     let start = Instant::now();

@@ -3,13 +3,17 @@
 
 use std::io::Write as _;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{NodeBuilder, ServiceName, ipc};
 
-use super::peer::Failure;
+use ob1_backplane::{CpuSide, Segment};
+
+use super::backplane::{ROUND_TRIPS, ROUNDS, asleep, round_trip, timed};
+use super::peer::{Failure, Peer};
+use super::{Figure, in_turns, median};
 
 /// What a CP has in one direction.
 type Registers = [u64; 2];
@@ -17,6 +21,59 @@ type Registers = [u64; 2];
 /// The name of a service of this measurement: the process of the bench is in it.
 fn name(process: &str, what: &str) -> Result<ServiceName, Failure> {
     Ok(format!("ob1/bench/{process}/{what}").as_str().try_into()?)
+}
+
+/// The back plane beside iceoryx2: a round trip of ours against one way of its publish-subscribe, half of its round
+/// trip, while both spin; and its event there and back, while both sleep.
+///
+/// # Errors
+/// If a segment or a process cannot be created.
+pub fn measure() -> Result<[Figure; 2], Failure> {
+    let registers = Segment::create_shared()?;
+    let mut cpu = CpuSide::create(&registers, 16)?;
+    let mut serial = 0u64;
+    let mut through_registers = || round_trip(&mut cpu, &mut serial);
+    let process = std::process::id().to_string();
+    let ends = Registered::new(&process, "there", "back")?;
+    let (ours, theirs) = in_turns(
+        ROUNDS,
+        || timed(&registers, "registers", &mut through_registers),
+        || {
+            let _peer = Peer::start_by_name("iceoryx", &process)?;
+            ends.send([0; 2])?;
+            ends.receive()?;
+            let start = Instant::now();
+            for round in 0..ROUND_TRIPS {
+                ends.send([round; 2])?;
+                ends.receive()?;
+            }
+            Ok(start.elapsed().as_nanos() as f64 / ROUND_TRIPS as f64 / 2.0)
+        },
+    )?;
+    let events = Events::new(&process, "event-there", "event-back")?;
+    let _other = Peer::start_by_name("iceoryx-event", &process)?;
+    let mut of_events = Vec::new();
+    for _ in 0..ROUNDS {
+        of_events.push(asleep(|| {
+            events.notify()?;
+            events.wait()
+        })?);
+    }
+    let spinning = Figure {
+        what: "back plane round trip, 16 bytes, both spin".into(),
+        value: ours,
+        unit: "ns",
+        floor: Some(("iceoryx2 publish-subscribe, one way", theirs)),
+        aim: ("<= 1.0 x floor", ours <= theirs),
+    };
+    let asleep = Figure {
+        what: "iceoryx2 event there and back, both asleep".into(),
+        value: median(&mut of_events),
+        unit: "ns",
+        floor: None,
+        aim: ("", true),
+    };
+    Ok([spinning, asleep])
 }
 
 /// One end of two services, one each way.
@@ -78,7 +135,7 @@ pub fn answer_registers(process: &Path) -> Result<(), Failure> {
 /// # Errors
 /// What iceoryx2 refuses.
 pub fn answer_event(process: &Path) -> Result<(), Failure> {
-    let ends = Events::new(&process.to_string_lossy(), "back", "there")?;
+    let ends = Events::new(&process.to_string_lossy(), "event-back", "event-there")?;
     tell()?;
     loop {
         ends.wait()?;

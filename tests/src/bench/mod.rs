@@ -11,6 +11,7 @@ pub mod compile;
 pub mod disturb;
 pub mod driver;
 pub mod engines;
+#[cfg(feature = "iceoryx")]
 pub mod iceoryx;
 pub mod io;
 pub mod kill_runtime;

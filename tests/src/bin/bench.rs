@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, iceoryx, io, kill_runtime, line,
+    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line,
     machine_code, memory, record, s7, scan, stations, stl, wake, watch,
 };
 
@@ -168,8 +168,10 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
         "word" => backplane::answer_word(path),
         "asleep" => backplane::answer_asleep(path),
         "eventfd" => backplane::answer_eventfd(path),
-        "iceoryx" => iceoryx::answer_registers(path),
-        "iceoryx-event" => iceoryx::answer_event(path),
+        #[cfg(feature = "iceoryx")]
+        "iceoryx" => ob1_tests::bench::iceoryx::answer_registers(path),
+        #[cfg(feature = "iceoryx")]
+        "iceoryx-event" => ob1_tests::bench::iceoryx::answer_event(path),
         "pipe" => answer_pipe(path),
         _ => Err(format!("no such role: {role}").into()),
     }
@@ -189,8 +191,10 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             }
             "pair" => vec![scan::idle_pair()?],
             "backplane" => {
-                let mut all = vec![backplane::measure()?, backplane::measure_iceoryx()?];
-                all.extend(backplane::measure_asleep()?);
+                #[cfg_attr(not(feature = "iceoryx"), expect(unused_mut, reason = "nothing is added"))]
+                let mut all = vec![backplane::measure()?, backplane::measure_asleep()?];
+                #[cfg(feature = "iceoryx")]
+                all.extend(ob1_tests::bench::iceoryx::measure()?);
                 all
             }
             "driver" => vec![driver::measure()?],

@@ -1,4 +1,5 @@
-//! Recordings: a row at every cycle control point, each run of an organization block, losses counted, memory given back.
+//! Recordings: a row at every cycle control point, each run of an organization block, losses counted, memory given
+//! back.
 
 use ob1_cpu::{Cell, CellError, Cpu, CpuConfig, Frame, ObRun, OperatingState, Piece, RECORDINGS, TooMuch, WATCH_BYTES};
 use ob1_ir::{NumberFormat, Op};

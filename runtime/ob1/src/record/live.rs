@@ -45,7 +45,7 @@ pub(super) fn record(
     while count.end.is_none() && !signals.wait(Duration::ZERO) {
         if is_readable(reader.input())? {
             loop {
-                let entry = match reader.next() {
+                let entry = match reader.next_entry() {
                     Ok(Some(entry)) => entry,
                     // A station that ended without a word; what has come is whole.
                     Ok(None) => return finish(sink, count, reader.head().signals.len()),

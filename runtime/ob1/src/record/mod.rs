@@ -240,7 +240,7 @@ fn read(path: &Path, out: Option<&Path>) -> Result<(Count, usize), RecordError> 
     let mut sink = out.map(|out| Sink::open(out, reader.head())).transpose()?;
     let mut count = Count::default();
     let outcome = loop {
-        match reader.next() {
+        match reader.next_entry() {
             Ok(Some(entry)) => {
                 count.take(&entry);
                 if let Some(sink) = &mut sink {

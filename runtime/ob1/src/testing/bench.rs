@@ -54,12 +54,16 @@ struct BenchClock {
     scan: u64,
     /// What each statement takes in a replay.
     price: Option<Span>,
+    /// Time that passes after the next look: in a replay, from the start of a scan to its OB 1.
+    after_look: Span,
     attention: Attention,
 }
 
 impl Clock for BenchClock {
     fn now(&mut self) -> Instant {
-        self.time.now()
+        let now = self.time.now();
+        self.time.advance_to(now.saturating_add(std::mem::take(&mut self.after_look)));
+        now
     }
 
     fn executed(&mut self, statements: u64) {
@@ -121,8 +125,13 @@ impl Bench {
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
         let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)
             .map_err(of_load)?;
-        let clock =
-            BenchClock { time: VirtualClock::new(PER_STATEMENT), scan: 0, price: None, attention: cpu.attention() };
+        let clock = BenchClock {
+            time: VirtualClock::new(PER_STATEMENT),
+            scan: 0,
+            price: None,
+            after_look: Span::ZERO,
+            attention: cpu.attention(),
+        };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {
                 Some(m.input_address..m.input_address + u32::from(m.input_bytes()))
@@ -235,6 +244,11 @@ impl Bench {
         self.clock.price = price;
     }
 
+    /// From the start of the next scan to its OB 1 it takes so long.
+    pub(super) fn inputs_take(&mut self, time: Span) {
+        self.clock.after_look = time;
+    }
+
     /// It runs, or what led to STOP, newest first.
     fn in_run(&self) -> Result<(), String> {
         if self.state() == OperatingState::Run {
@@ -285,6 +299,8 @@ impl Stage for Bench {
         self.clock.price = Some(pace.statement);
         loop {
             self.due = pace.start;
+            // The first look finds the start of the scan, the next one that of OB 1.
+            self.inputs_take(pace.inputs);
             if self.cycle() {
                 break;
             }

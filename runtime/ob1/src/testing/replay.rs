@@ -193,7 +193,10 @@ mod tests {
                 let late = Span::from_nanos(if rng.u8(..4) == 0 { rng.u64(..1_500_000) } else { 0 });
                 loop {
                     let is_scan = bench.due >= bench.cpu.next_due();
-                    bench.due = bench.due.saturating_add(if is_scan { late } else { Span::ZERO });
+                    if is_scan {
+                        bench.due = bench.due.saturating_add(late);
+                        bench.inputs_take(Span::from_nanos(rng.u64(..50_000)));
+                    }
                     if bench.cycle() {
                         break;
                     }

@@ -197,7 +197,7 @@ impl<'p> Ready<'p> {
                     replay.run(&mut self.bench).map_err(|error| unusable(&self.test.at, error.to_string()))?;
                 self.bench.charge(None);
                 let line = source.finding(Level::Error, "", self.test.at.clone(), String::new(), String::new()).line;
-                failures.extend(told(&replayed).into_iter().map(|text| Failure { line, text }));
+                failures.extend(told(&replayed).into_iter().map(|text| Failure { line: Some(line), text }));
             }
             None => self.bench.start(self.test.start),
         }

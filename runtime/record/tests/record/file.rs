@@ -90,7 +90,7 @@ fn written(signals: usize, entries: &[Entry], flush: &[bool]) -> (Vec<u8>, Vec<(
 fn read(bytes: &[u8]) -> Result<(Vec<Entry>, bool, u64), FormatError> {
     let mut reader = Reader::new(bytes)?;
     let mut entries = Vec::new();
-    while let Some(entry) = reader.next()? {
+    while let Some(entry) = reader.next_entry()? {
         entries.push(entry);
     }
     Ok((entries, reader.is_cut(), reader.whole_bytes()))
@@ -140,7 +140,7 @@ fn a_changed_bit_is_noticed() {
         let mut reader = Reader::new(&changed[..]).expect("its head is whole");
         let mut found = 0;
         let end = loop {
-            match reader.next() {
+            match reader.next_entry() {
                 Ok(Some(entry)) => {
                     found += 1;
                     assert_eq!(entry, row(found));

@@ -18,13 +18,16 @@ pub(super) struct Happenings {
     late: u64,
     /// The newest entry of each CP that was told.
     buffers: Vec<Option<BufferEntry>>,
+    /// How often each driver was lost and started, as it was told.
+    drivers: Vec<[u32; 2]>,
 }
 
 impl Happenings {
     pub(super) fn new(mut door: Door, view: StationView) -> Self {
         door.ask(0, Ask::Events { after: 0 });
         let buffers = vec![None; view.modules.len()];
-        Self { door: Some(door), view, late: 0, buffers }
+        let drivers = vec![[0; 2]; view.modules.len()];
+        Self { door: Some(door), view, late: 0, buffers, drivers }
     }
 
     /// What becomes ready when the broker says something.
@@ -43,6 +46,16 @@ impl Happenings {
         for late in self.view.timings.late_after(self.late) {
             self.late = late.scan;
             events.push(Event::Late(late));
+        }
+        // A driver is started again so soon that only the counts show it.
+        let time_ns = self.view.clock.time().nanos();
+        for (module, told) in self.view.modules.iter().zip(&mut self.drivers) {
+            let Some(driver) = &module.driver else { continue };
+            let now = [driver.losses(), driver.starts()];
+            let before = std::mem::replace(told, now);
+            for (is_new, up) in [(now[0] != before[0], false), (now[1] != before[1], true)] {
+                events.extend(is_new.then(|| Event::Process { time_ns, name: module.name.clone(), up }));
+            }
         }
         for (module, told) in self.view.modules.iter().zip(&mut self.buffers) {
             let Some(monitor) = &module.monitor else { continue };
@@ -76,8 +89,8 @@ impl Happenings {
                     let text = text.collect::<Vec<_>>().join("; ");
                     Some(Event::Diagnosis { time_ns, number: event_number(entry.event), text })
                 }
-                What::Driver { name, up } | What::Link { name, up } => Some(Event::Process { time_ns, name, up }),
-                What::State(_) | What::Lost(_) => None,
+                What::Link { name, up } => Some(Event::Process { time_ns, name, up }),
+                What::Driver { .. } | What::State(_) | What::Lost(_) => None,
             });
         }
         events
