@@ -150,6 +150,7 @@ const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memo
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
         "registers" => backplane::answer_registers(path),
+        "timed" => backplane::answer_timed(path),
         "word" => backplane::answer_word(path),
         "asleep" => backplane::answer_asleep(path),
         "eventfd" => backplane::answer_eventfd(path),
@@ -174,7 +175,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             }
             "pair" => vec![scan::idle_pair()?],
             "backplane" => {
-                let mut all = vec![backplane::measure()?, backplane::measure_iceoryx()?];
+                let mut all = vec![backplane::measure()?, backplane::measure_times()?, backplane::measure_iceoryx()?];
                 all.extend(backplane::measure_asleep()?);
                 all
             }

@@ -5,9 +5,9 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use ob1_backplane::layout::{SEGMENT_BYTES, SEGMENT_BYTES_BOXES};
 use ob1_backplane::{Counter, CpuState};
 use ob1_host::supervisor::Exit;
+use ob1_words::cp240::STARTUP;
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, ftruncate, memfd_create};
 
-use super::registers::STARTUP;
 use super::rig::{Breach, Checked, Rig};
 use super::rules::Rule;
 use super::watch::{sequences, set, word};
