@@ -28,7 +28,7 @@ enum {
     CPU_TIME = 0x198, GENERATION = 0x200, HEARTBEAT = 0x208, STATE = 0x210, LEDS = 0x218, MODEM = 0x220, REASON = 0x228,
     SLEEPING = 0x280, ENDS = 0x300, COUNTERS = 0x500, DIAGNOSIS = 0x600, PRODUCED = 0x900, LOST = 0x908,
     CONSUMED = 0x980, SLOTS = 0xa00, PARAMS = 0x1200, CHANNELS_VERSION = 0x2280, SEND_TO_CPU = 0x2400,
-    RECEIVE_TO_CPU = 0x2480, SIZE = 0x3000,
+    RECEIVE_TO_CPU = 0x2480, POSTED = 0x2800, TIMES_WRITTEN = 0x2880, TIMES = 0x28c0, SIZE = 0x3000,
 };
 /* Counters. */
 enum {
@@ -101,6 +101,21 @@ static void emit(unsigned kind, uint32_t number, const void *data, unsigned leng
     poke(slot + 16, words[0]);
     poke(slot + 24, words[1]);
     put(PRODUCED, produced + 1);
+}
+
+/* Where the time of an order or a telegram went. */
+enum { ORDER = 1, FROM_PARTNER };
+enum { HEAD, WAS_POSTED, TAKEN, FIRST_OUT, LAST_OUT, FIRST_IN, LAST_IN, GIVEN, MOMENTS };
+
+static void enter_times(uint64_t *times, unsigned kind, unsigned bytes)
+{
+    uint64_t written = peek(TIMES_WRITTEN);
+    times[HEAD] = kind | (uint64_t)bytes << 8;
+    times[GIVEN] = nanos();
+    atomic_thread_fence(memory_order_release);
+    for (unsigned i = 0; i < MOMENTS; i++)
+        poke(TIMES + 64 * (unsigned)(written % 16) + 8 * i, times[i]);
+    put(TIMES_WRITTEN, written + 1);
 }
 
 static void refuse(const char *why)
@@ -240,13 +255,14 @@ static enum { OFF, REFUSED, IDENTIFY, CLEARING, WORKING } phase;
 static enum { IDLE, COLLECTING, SENDING, FAILED, CLOSING } sending;
 static unsigned number, rest, length, code, reset_seen;
 static unsigned char telegram[TELEGRAM];
+static uint64_t times[MOMENTS];
 
 /* Received telegrams, the oldest first, and how much of it has been fetched. */
-static struct { unsigned char bytes[TELEGRAM]; unsigned length; } queue[QUEUE];
+static struct { unsigned char bytes[TELEGRAM]; unsigned length; uint64_t times[MOMENTS]; } queue[QUEUE];
 static unsigned first, waiting, fetched, offered, closing;
 static unsigned char coming[TELEGRAM];
 static unsigned coming_length;
-static uint64_t silent_since, silence = 20000000;
+static uint64_t coming_since, silent_since, silence = 20000000;
 
 static void clear(void)
 {
@@ -288,8 +304,11 @@ static void look_send(unsigned tx, const unsigned char *block)
     if (sending == IDLE && n > TELEGRAM)
         fail(0x17);
     else if ((sending == IDLE && n > 0) || (sending == COLLECTING && rest > BLOCK && n == rest - BLOCK)) {
-        if (sending == IDLE)
+        if (sending == IDLE) {
             length = 0;
+            memset(times, 0, sizeof times);
+            times[WAS_POSTED] = peek(POSTED);
+        }
         unsigned part = n < BLOCK ? n : BLOCK;
         memcpy(telegram + length, block, part);
         length += part;
@@ -302,6 +321,7 @@ static void look_send(unsigned tx, const unsigned char *block)
         out_length = length;
         out_written = 0;
         sending = SENDING;
+        times[TAKEN] = nanos();
         count(ACCEPTED, 1);
     }
 }
@@ -313,6 +333,7 @@ static void look_receive(unsigned echo)
         offered = queue[first].length - fetched;
         if (offered == 0) {
             closing = 1;
+            enter_times(queue[first].times, FROM_PARTNER, queue[first].length);
             first = (first + 1) % QUEUE;
             waiting--;
             count(DELIVERED, 1);
@@ -354,6 +375,8 @@ static void end_telegram(uint64_t now)
         unsigned slot = (first + waiting) % QUEUE;
         memcpy(queue[slot].bytes, coming, coming_length);
         queue[slot].length = coming_length;
+        queue[slot].times[FIRST_IN] = coming_since;
+        queue[slot].times[LAST_IN] = silent_since;
         waiting++;
         count(RECEIVED, 1);
     }
@@ -368,6 +391,8 @@ static void hear(void)
     while (line >= 0 && (n = read(line, bytes, sizeof bytes)) > 0) {
         count(BYTES_RX, (uint64_t)n);
         silent_since = nanos();
+        if (coming_length == 0)
+            coming_since = silent_since;
         for (ssize_t i = 0; i < n && phase == WORKING; i++) {
             coming[coming_length++] = bytes[i];
             end_telegram(silent_since);
@@ -379,12 +404,16 @@ static void transmit(void)
 {
     ssize_t n;
     if (out_written < out_length && (n = write(line, out + out_written, out_length - out_written)) > 0) {
+        if (out_written == 0)
+            times[FIRST_OUT] = nanos();
         out_written += (unsigned)n;
+        times[LAST_OUT] = nanos();
         count(BYTES_TX, (uint64_t)n);
     }
     int queued = 0;
     if (sending == SENDING && out_written == out_length && (ioctl(line, TIOCOUTQ, &queued) != 0 || queued == 0)) {
         sending = IDLE;
+        enter_times(times, ORDER, length);
         count(SENT, 1);
     }
 }

@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Segment};
+use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Segment, Stage};
 use ob1_time::{Span, WatchedTime};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 
@@ -180,6 +180,36 @@ fn telegrams_pass_and_the_end_of_the_doorbell_ends_it() {
     station.bell = None;
     assert_eq!(station.driver.wait().unwrap().code(), Some(0));
     assert!(station.line.symlink_metadata().is_err(), "the pty's path is removed");
+}
+
+#[test]
+fn an_order_and_a_telegram_say_where_their_time_went() {
+    let _one = lock();
+    let mut station = Station::start();
+    let monotonic = || {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs()
+    };
+    let origin = monotonic();
+    station.cpu.set_origin(origin);
+    station.synchronise();
+    let mut partner = station.partner();
+    station.cpu.begin_scan(monotonic() - origin);
+    station.exchange(&mut partner);
+    let mut said = Vec::new();
+    // The scan that could see both begins after they were given.
+    station.until("both are seen", |s| {
+        s.cpu.begin_scan(monotonic() - origin);
+        s.cpu.end_scan(monotonic() - origin, |times| said.push(*times));
+        (said.len() == 2).then_some(())
+    });
+    let order: Vec<u64> = Stage::ALL.into_iter().filter_map(|stage| said[0].at(stage)).collect();
+    assert!(said[0].is_order && said[0].bytes == 4 && order.len() >= 6, "{said:?}");
+    assert!(order.is_sorted() && order[0] > origin, "{said:?}");
+    let telegram = [Stage::FirstIn, Stage::LastIn, Stage::Given, Stage::Seen].map(|stage| said[1].at(stage));
+    assert!(!said[1].is_order && telegram.iter().all(Option::is_some) && telegram.is_sorted(), "{said:?}");
+    let known: Vec<Stage> = station.cpu.monitor().spreads().map(|spread| spread.stage).collect();
+    assert!(known.contains(&Stage::Taken) && known.contains(&Stage::Seen), "{known:?}");
 }
 
 #[test]

@@ -5,8 +5,9 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use ob1_backplane::{CpSide, CpuSide, Segment};
+use ob1_backplane::{CpSide, CpuSide, OrderTimes, Segment, Stage};
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::{ClockId, clock_gettime};
 
 use super::peer::{Failure, Peer, Words};
 use super::{Figure, in_turns, median};
@@ -29,6 +30,59 @@ pub fn answer_registers(path: &Path) -> Result<(), Failure> {
             std::hint::spin_loop();
         }
     }
+}
+
+/// The same with the times of an order at every exchange, more often than any CP has orders.
+///
+/// # Errors
+/// If the segment cannot be attached.
+pub fn answer_timed(path: &Path) -> Result<(), Failure> {
+    let mut side = CpSide::attach(&Segment::open(path)?)?;
+    let mut registers = [0u8; 16];
+    loop {
+        if side.outputs_changed() {
+            let _ = side.read_outputs(&mut registers);
+            side.write_inputs(&registers);
+            let mut times = OrderTimes::new(true, registers.len());
+            times.say(Stage::Posted, side.posted());
+            let now = clock_gettime(ClockId::Monotonic);
+            let now = now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs();
+            [Stage::Taken, Stage::Given].into_iter().for_each(|stage| times.say(stage, now));
+            side.enter_times(times);
+        } else {
+            std::hint::spin_loop();
+        }
+    }
+}
+
+/// What the times of orders cost: a round trip with them against one without, in turns.
+///
+/// # Errors
+/// If a segment or a process cannot be created.
+pub fn measure_times() -> Result<Figure, Failure> {
+    let (plain, told) = (Segment::create_shared()?, Segment::create_shared()?);
+    let (mut plain_side, mut told_side) = (CpuSide::create(&plain, 16)?, CpuSide::create(&told, 16)?);
+    told_side.set_origin(0);
+    let (mut plain_serial, mut told_serial) = (0u64, 0u64);
+    let (with, without) = in_turns(
+        ROUNDS,
+        || {
+            timed(&told, "timed", &mut || {
+                // The scan's own times: it has them already.
+                told_side.begin_scan(told_serial + 1);
+                round_trip(&mut told_side, &mut told_serial);
+                told_side.end_scan(told_serial + 1, |_| ());
+            })
+        },
+        || timed(&plain, "registers", &mut || round_trip(&mut plain_side, &mut plain_serial)),
+    )?;
+    Ok(Figure {
+        what: "the same with the times of an order each time".into(),
+        value: with,
+        unit: "ns",
+        floor: Some(("without them", without)),
+        aim: ("<= 1.03 x floor", with <= 1.03 * without),
+    })
 }
 
 /// The peer's side of the word.

@@ -165,6 +165,7 @@ const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memo
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
         "registers" => backplane::answer_registers(path),
+        "timed" => backplane::answer_timed(path),
         "word" => backplane::answer_word(path),
         "asleep" => backplane::answer_asleep(path),
         "eventfd" => backplane::answer_eventfd(path),
@@ -192,7 +193,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "pair" => vec![scan::idle_pair()?],
             "backplane" => {
                 #[cfg_attr(not(feature = "iceoryx"), expect(unused_mut, reason = "nothing is added"))]
-                let mut all = vec![backplane::measure()?, backplane::measure_asleep()?];
+                let mut all = vec![backplane::measure()?, backplane::measure_times()?, backplane::measure_asleep()?];
                 #[cfg(feature = "iceoryx")]
                 all.extend(ob1_tests::bench::iceoryx::measure()?);
                 all

@@ -36,7 +36,7 @@ const MUTANTS: &[Mutant] = &[
     breaks(&[11], "count(RECEIVE_LOST, lost(RECEIVED, DELIVERED));", ""),
     breaks(&[12], "count(DRIVER_STARTS, 1);", ""),
     breaks(&[12], "    identify(tx);\n    poke(LEDS", "    count(DRIVER_STARTS, 1);\n    identify(tx);\n    poke(LEDS"),
-    breaks(&[13], "if (peek(PRODUCED) - get(CONSUMED) > 64)", "if (peek(PRODUCED) > 0)"),
+    breaks(&[13, 38], "if (peek(PRODUCED) - get(CONSUMED) > 64)", "if (peek(PRODUCED) > 0)"),
     breaks(&[14], "if (peek(PRODUCED) - get(CONSUMED) > 64)", "if (peek(PRODUCED) == 7)"),
     breaks(&[15], "poke(REASON, 0);", "poke(REASON, 0); poke(0x2580 + 8 * 64, 0);"),
     breaks(&[15, 18], "poke(REASON, 0);", "poke(REASON, 0); poke(0x2500, 0);"),

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use ob1_station::access::protocol::Op;
 use ob1_timing::Timing;
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::common::site::Site;

@@ -2,9 +2,9 @@
 
 use ob1_backplane::{Counter, CpuState};
 use ob1_time::Span;
+use ob1_words::cp240::{BLOCK_BYTES as BLOCK, FAILED, RESET, STARTUP};
 use rustix::process::Signal;
 
-use super::registers::{BLOCK, FAILED, RESET, STARTUP};
 use super::rig::{Breach, Checked, Rig, SOON};
 use super::rules::Rule;
 use super::starts::{again, second, unacknowledged};

@@ -54,7 +54,7 @@ struct TestArgs {
     /// The driver: a program that is started as the runtime starts it
     program: PathBuf,
     /// The type of the module; the rules about registers are tested with cp240
-    #[arg(long, value_name = "TYPE", default_value = "cp240", value_parser = kind)]
+    #[arg(long, value_name = "TYPE", default_value = CpKind::Cp240.name(), value_parser = kind)]
     cp: CpKind,
     /// How many seeds; the first ones try every start and every act
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..))]

@@ -3,17 +3,12 @@
 
 use ob1_backplane::Counter;
 use ob1_time::{Instant, Span};
+use ob1_words::cp240::{BLOCK_BYTES as BLOCK, STARTUP, SYSTEM};
 
 use super::rig::{Breach, Checked, Rig, SOON};
 use super::rules::Rule;
 use super::watch::word;
 
-const SYSTEM: u16 = 0x8000;
-pub(super) const STARTUP: u16 = 0x8001;
-pub(super) const RESET: u16 = 0x8002;
-pub(super) const FAILED: u16 = 0x2000;
-/// Bytes of a block.
-pub(super) const BLOCK: usize = 12;
 /// The first count of an order that is given up at once.
 const PROBE: u16 = 13;
 /// How long a change may stay unseen by a driver that sleeps and says so.

@@ -237,9 +237,11 @@ impl<'a> Rig<'a> {
     /// Starts a process on another file than the segment, or a second one on the segment; returns how it ends.
     pub(super) fn start_beside(&mut self, file: BorrowedFd<'_>, rule: Rule) -> Checked<Exit> {
         let mut process = Process::start(self.command, file, &self.ear, None, Stdio::null())?;
+        let group = Pid::from_raw(process.id().cast_signed());
         let end = self.now() + SOON;
         loop {
             if let Some(exit) = process.ended() {
+                let _ = group.map(|group| kill_process_group(group, Signal::KILL));
                 return Ok(exit);
             }
             if self.now() > end && !process.is_starved() {

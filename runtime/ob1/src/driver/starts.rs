@@ -5,9 +5,10 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use ob1_backplane::layout::{SEGMENT_BYTES, SEGMENT_BYTES_BOXES};
 use ob1_backplane::{Counter, CpuState};
 use ob1_host::supervisor::Exit;
+use ob1_time::Span;
+use ob1_words::cp240::STARTUP;
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, ftruncate, memfd_create};
 
-use super::registers::STARTUP;
 use super::rig::{Breach, Checked, Rig};
 use super::rules::Rule;
 use super::watch::{sequences, set, word};
@@ -46,6 +47,9 @@ fn later(rig: &mut Rig<'_>) -> Checked {
 
 /// A word that no driver writes by itself.
 const GHOST: u64 = 0xEEDD_CCBB_AA99_8877;
+
+/// How long after its attaching a sequence may be odd, because the driver writes.
+const ENDED: Span = Span::from_millis(500);
 
 /// Open orders, open telegrams and starts of the predecessor.
 const OPEN: (u64, u64, u64) = (3, 2, 7);
@@ -90,8 +94,6 @@ fn haunted(rig: &mut Rig<'_>) -> Checked {
     set(&segment, "events.produced", 0, produced);
     (0..3).for_each(|index| set(&segment, "events.slots", 4 * index + 1, 6 | (0x700 + index as u64) << 32));
     rig.watch.forget();
-    rig.state(CpuState::Run)?;
-    rig.parameters()?;
     let entered = rig.watch.words_of("buffer.entries");
     rig.start(|rig| {
         is_clear(rig)?;
@@ -106,10 +108,16 @@ fn haunted(rig: &mut Rig<'_>) -> Checked {
         Ok(())
     })?;
     for name in sequences() {
-        rig.until(Rule::EndsWrites, super::rig::SOON, format!("{name} stays odd"), |rig| {
+        rig.until(Rule::EndsWrites, ENDED, format!("{name} stays odd"), |rig| {
             word(&rig.segment, name, 0).is_multiple_of(2).then_some(())
         })?;
     }
+    // Without parameters a driver has nothing of its own to show: what it has not cleared is still there.
+    rig.until_state(Rule::NoParameters, 2)?;
+    is_clear(rig)?;
+    rig.step("parameters after a predecessor that has died");
+    rig.state(CpuState::Run)?;
+    rig.parameters()?;
     rig.synchronise(Rule::Identifier)?;
     keeps_buffer(rig, entries, &entered)?;
     let events = rig.events()?;

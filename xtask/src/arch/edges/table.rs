@@ -327,6 +327,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-trace",
             // `ob1 upload` is a client of S7 communication.
             "ob1-s7",
+            // `ob1 driver test` plays the handling blocks.
+            "ob1-words",
             "chrono",
             "clap",
             // Loads of a soak test.
