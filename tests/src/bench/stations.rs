@@ -17,7 +17,7 @@ pub const LADDER: [(usize, u64); 8] =
 /// What a station may take beyond pages that others have, too.
 const OWN: u64 = 12 << 10;
 /// So long the slowest station may take to its first scans.
-const START: Duration = Duration::from_secs(120);
+const START: Duration = Duration::from_secs(600);
 
 /// Runs so many stations at a cycle, for so many seconds; whether none stopped, and each kept within its memory.
 ///
@@ -115,7 +115,7 @@ impl Site {
             folder.join("station.toml"),
             format!(
                 "[station]\nname = \"{{folder}}\"\n\n[cpu]\nmin_cycle = \"{cycle}ms\"\nwatchdog = \"5s\"\n\n\
-                 [program]\nsources = [\"../plant.awl\"]\n\n[retentive]\n\n[cpu.realtime]\npolicy = \"fifo\"\npriority = 50\n"
+                 [program]\nsources = [\"../plant.awl\"]\n\n[retentive]\n\n[cpu.realtime]\npriority = 50\n"
             ),
         )?;
         let mut command = self.command();
