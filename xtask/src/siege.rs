@@ -134,9 +134,7 @@ fn lay(mut campaign: Campaign, sieges: &[&Siege], rounds: Option<u64>, minutes: 
         let (binary, test) = siege.test();
         let mut command = cargo(&["test", "--release", "--package", siege.package, "--test", binary]);
         let (variable, long) = match siege.long {
-            Long::Rounds(usual) => {
-                ("OB1_SIEGE_ROUNDS", campaign.share(rounds.unwrap_or(usual)).max(1).to_string())
-            }
+            Long::Rounds(usual) => ("OB1_SIEGE_ROUNDS", campaign.share(rounds.unwrap_or(usual)).max(1).to_string()),
             Long::Minutes(usual) => {
                 ("OB1_SIEGE_MINUTES", (minutes.unwrap_or(usual) / campaign.part.of as f64).to_string())
             }

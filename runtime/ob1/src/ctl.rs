@@ -93,7 +93,9 @@ impl ValueEnum for Action {
                 },
             ),
             Self::Restart => ("restart", "Asks which one: warm keeps the data blocks, cold loads them anew"),
-            Self::Ready => ("ready", "Whether it is in RUN and its cycles end, by the exit code: 0, or 3 with the reason"),
+            Self::Ready => {
+                ("ready", "Whether it is in RUN and its cycles end, by the exit code: 0, or 3 with the reason")
+            }
             Self::Status => ("status", "State, scan statistics, modules"),
             Self::Timing => (
                 "timing",

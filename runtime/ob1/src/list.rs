@@ -210,7 +210,11 @@ mod tests {
 
     #[test]
     fn targets_are_what_prometheus_reads() {
-        let link = |kind: &str, address: &str, tls| Listens { kind: kind.into(), address: address.parse().expect(address), tls };
+        let link = |kind: &str, address: &str, tls| Listens {
+            kind: kind.into(),
+            address: address.parse().expect(address),
+            tls,
+        };
         let one = Listed {
             name: "press7".into(),
             listens: vec![

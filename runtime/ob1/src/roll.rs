@@ -66,7 +66,10 @@ pub fn roll(args: &RollArgs) -> Exit {
         let before = match before(station, &args.values) {
             Ok(before) => before,
             Err(why) => {
-                err!("ob1: {station}: {why}; nothing was done to it\n  = {done} of {} are renewed", args.stations.len());
+                err!(
+                    "ob1: {station}: {why}; nothing was done to it\n  = {done} of {} are renewed",
+                    args.stations.len()
+                );
                 return Exit::Running;
             }
         };
@@ -141,9 +144,9 @@ fn until_run(station: &str, within: Duration, settle: Duration) -> Result<Status
     let (begin, mut since) = (Instant::now(), None);
     loop {
         let status = look(station);
-        let runs = status.as_ref().is_ok_and(|now| {
-            now.state == OperatingState::Run.name() && now.scans > 0 && now.stands_s.is_none()
-        });
+        let runs = status
+            .as_ref()
+            .is_ok_and(|now| now.state == OperatingState::Run.name() && now.scans > 0 && now.stands_s.is_none());
         match (status, since) {
             (Ok(status), Some(at)) if runs && Instant::now().duration_since(at) >= settle => return Ok(status),
             (_, Some(_)) if runs => {}

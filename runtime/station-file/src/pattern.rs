@@ -77,7 +77,9 @@ mod tests {
     use crate::parse;
 
     fn station(name: &str, keys: &str) -> String {
-        format!("[station]\nname = \"{name}\"\n[[link]]\ntype = \"mqtt\"\nname = \"plant\"\nbroker = \"mqtt://127.0.0.1\"\n{keys}\n")
+        format!(
+            "[station]\nname = \"{name}\"\n[[link]]\ntype = \"mqtt\"\nname = \"plant\"\nbroker = \"mqtt://127.0.0.1\"\n{keys}\n"
+        )
     }
 
     #[test]
@@ -102,7 +104,9 @@ mod tests {
         assert!(wrong("press", "client = \"{4}\"").contains("there are {station} {1}"));
         assert!(wrong("{station}", "").contains("{station} stands for nothing"));
         for (port, told) in [("65000+{number}", "65000+999 is no port"), ("x+1", "x+1 is no port")] {
-            let text = format!("[station]\nname = \"p999\"\n[[link]]\ntype = \"s7\"\nname = \"s\"\nlisten = \"127.0.0.1:{port}\"\n");
+            let text = format!(
+                "[station]\nname = \"p999\"\n[[link]]\ntype = \"s7\"\nname = \"s\"\nlisten = \"127.0.0.1:{port}\"\n"
+            );
             let found = parse(&text, "station.toml", Path::new("")).expect_err("refused");
             assert!(found[0].to_string().contains(told), "{}", found[0]);
         }

@@ -13,7 +13,8 @@ use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::protocol::{
-    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, Listens, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, Listens, MemoryStatus, ModuleStatus, ReasonStatus,
+    Status, Times,
 };
 use crate::bus_view::BusView;
 use crate::download::Loads;

@@ -43,9 +43,9 @@ fn main() -> ExitCode {
         ["alarms"] => alarms::measure().map(|figures| shown(&figures)),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
-        ["stations"] => stations::LADDER.iter().try_fold(true, |met, (count, cycle)| {
-            Ok(many(*count, *cycle, 60)? && met)
-        }),
+        ["stations"] => {
+            stations::LADDER.iter().try_fold(true, |met, (count, cycle)| Ok(many(*count, *cycle, 60)? && met))
+        }
         ["stations", count, cycle, seconds] => match (count.parse(), cycle.parse(), seconds.parse()) {
             (Ok(count), Ok(cycle), Ok(seconds)) => many(count, cycle, seconds),
             _ => Err(HELP.into()),

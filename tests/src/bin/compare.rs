@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use ob1_tests::awlsim::{Awlsim, Failure, Scratch};
 use ob1_tests::compare::program::SNIPPETS;
-use ob1_tests::part::{Part, Tally};
 use ob1_tests::compare::{Verdict, compare, regressions};
+use ob1_tests::part::{Part, Tally};
 
 const HELP: &str = "usage: cargo xtask compare [--seeds N] [--seed S]
   --seeds N   so many programs (default 100), from --seed on

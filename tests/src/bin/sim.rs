@@ -54,7 +54,8 @@ fn main() -> ExitCode {
 
 fn parse(mut args: impl Iterator<Item = String>) -> Result<Option<Args>, String> {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut parsed = Args { first: 1, count: 100, minutes: 1, jobs, log: false, wire: false, part: Part::WHOLE, json: false };
+    let mut parsed =
+        Args { first: 1, count: 100, minutes: 1, jobs, log: false, wire: false, part: Part::WHOLE, json: false };
     while let Some(flag) = args.next() {
         let mut number = || args.next().and_then(|v| v.parse::<u64>().ok()).ok_or(format!("{flag} needs a number"));
         match flag.as_str() {

@@ -12,7 +12,10 @@ use crate::common::station::{Running, counting};
 fn station(site: &Site, name: &str, keys: &str) -> Running {
     let data = "DATA_BLOCK DB 10\nSTRUCT\nrecipe : INT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
     std::fs::create_dir_all(site.path(name)).expect("a folder");
-    site.write(&format!("{name}/plant.awl"), &counting(data, "      U M 2.0;\n      SPBN on;\n      CALL SFC 46;\non:   NOP 0;\n"));
+    site.write(
+        &format!("{name}/plant.awl"),
+        &counting(data, "      U M 2.0;\n      SPBN on;\n      CALL SFC 46;\non:   NOP 0;\n"),
+    );
     site.write(
         &format!("{name}.toml"),
         &format!(

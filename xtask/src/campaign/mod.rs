@@ -98,7 +98,10 @@ mod tests {
     fn options_anywhere_and_the_rest_stays() {
         let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
         let (campaign, rest) = Campaign::take("siege", &words("kill --part 3/20 --rounds 100 --json")).expect("known");
-        assert_eq!((campaign.part, campaign.json, rest), (Part { number: 3, of: 20 }, true, words("kill --rounds 100")));
+        assert_eq!(
+            (campaign.part, campaign.json, rest),
+            (Part { number: 3, of: 20 }, true, words("kill --rounds 100"))
+        );
         assert_eq!(campaign.share(100), 5);
         for wrong in ["--part", "--part 0/3", "kill --part 4/3"] {
             assert!(matches!(Campaign::take("siege", &words(wrong)), Err(Failure::Usage(_))), "{wrong}");

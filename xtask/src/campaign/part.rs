@@ -246,7 +246,10 @@ mod tests {
     #[test]
     fn parts_say_what_the_whole_says_to_the_seed() {
         let whole = collected(&campaign(1)).expect("one part");
-        assert_eq!(whole.all.failed.keys().collect::<Vec<_>>(), ["seed 17", "seed 34", "seed 51", "seed 68", "seed 85"]);
+        assert_eq!(
+            whole.all.failed.keys().collect::<Vec<_>>(),
+            ["seed 17", "seed 34", "seed 51", "seed 68", "seed 85"]
+        );
         assert_eq!((whole.all.done, whole.all.counts["telegrams"]), (100, 5050));
         for of in [2, 7, 20, 100, 130] {
             let mut parts = campaign(of);
@@ -255,7 +258,10 @@ mod tests {
         }
         // A seed that shows another thing is seen, though it passes.
         let other = campaign(7)[3].replace("\"digest\":\"", "\"digest\":\"1");
-        assert_ne!(Tally::read(other.lines().nth(1).expect("there")), Tally::read(campaign(7)[3].lines().nth(1).expect("")));
+        assert_ne!(
+            Tally::read(other.lines().nth(1).expect("there")),
+            Tally::read(campaign(7)[3].lines().nth(1).expect(""))
+        );
     }
 
     #[test]
@@ -265,7 +271,8 @@ mod tests {
         // Cut off while it was written.
         let len = parts[11].len();
         parts[11].truncate(len - 20);
-        let again = parts[2].replace(&format!("\"host\":\"{}\"", Tally::new("", "", Part::WHOLE).host), "\"host\":\"other\"");
+        let again =
+            parts[2].replace(&format!("\"host\":\"{}\"", Tally::new("", "", Part::WHOLE).host), "\"host\":\"other\"");
         assert_ne!(again, parts[2]);
         parts.push(again);
         let found = collected(&parts).expect("they belong together");

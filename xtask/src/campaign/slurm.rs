@@ -34,10 +34,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     let folder = wish.profile.folder()?;
     let sim = |part: &str| {
         let seeds = wish.seeds;
-        format!(
-            "OB1_PLUGIN_DIR={0} OB1_BIN_DIR={0} {0}/sim --seeds {seeds} --jobs 1 --json {part}",
-            folder.display()
-        )
+        format!("OB1_PLUGIN_DIR={0} OB1_BIN_DIR={0} {0}/sim --seeds {seeds} --jobs 1 --json {part}", folder.display())
     };
     println!("one machine:");
     let whole = shell::read(Command::new("sh").args(["-c", &sim("").replace("--jobs 1 ", "")]))?;
@@ -259,7 +256,8 @@ fn parse(args: &[String]) -> Outcome<Wish> {
     let mut args = args.iter();
     while let Some(arg) = args.next() {
         let mut number = |least: u64| {
-            let number = args.next().and_then(|text| text.parse().ok()).filter(|number| (least..=100_000).contains(number));
+            let number =
+                args.next().and_then(|text| text.parse().ok()).filter(|number| (least..=100_000).contains(number));
             number.ok_or_else(|| Failure::Usage(format!("{arg} wants a number from {least} on")))
         };
         match arg.as_str() {

@@ -8,9 +8,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{Site, archive};
 use super::parts::Parts;
 use super::stage::Stage;
+use super::{Site, archive};
 use crate::cargo;
 use crate::failure::{Failure, Outcome, step};
 use crate::shell;
@@ -84,11 +84,23 @@ pub(super) fn build(site: &Site, parts: &Parts) -> Outcome<Image> {
     ])?;
     let epoch = site.epoch.to_string();
     store.run(&["commit", "--quiet", "--format", "docker", "--timestamp", &epoch, &container, &image.name])?;
-    store.run(&["push", "--quiet", &image.name, &format!("docker-archive:{}:{}", image.docker.display(), image.name)])?;
+    store.run(&[
+        "push",
+        "--quiet",
+        &image.name,
+        &format!("docker-archive:{}:{}", image.docker.display(), image.name),
+    ])?;
     // A folder, packed by ourselves: buildah dates the archive by the clock.
     let layout = site.dist.join("layout");
     let _ = std::fs::remove_dir_all(&layout);
-    store.run(&["push", "--quiet", "--format", "oci", &image.name, &format!("oci:{}:{}", layout.display(), image.name)])?;
+    store.run(&[
+        "push",
+        "--quiet",
+        "--format",
+        "oci",
+        &image.name,
+        &format!("oci:{}:{}", layout.display(), image.name),
+    ])?;
     archive::sorted(&layout, &image.oci, site.epoch)?;
     let _ = std::fs::remove_dir_all(&layout);
     Ok(image)

@@ -65,7 +65,9 @@ pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
     passed(&kept);
     let written = engine.podman(&["diff", CONTAINER])?;
     // Where something is mounted or handed in, podman makes the place for it.
-    let own = |line: &&str| !["/run", "/tmp", "/etc", "/dev", "/proc", "/sys", "/var"].iter().any(|at| line[2..].starts_with(at));
+    let own = |line: &&str| {
+        !["/run", "/tmp", "/etc", "/dev", "/proc", "/sys", "/var"].iter().any(|at| line[2..].starts_with(at))
+    };
     if let Some(line) = written.lines().filter(|line| line.len() > 2).find(own) {
         return Err(step(format!("written outside of its volume: {line}")));
     }
@@ -132,8 +134,15 @@ impl Engine {
     fn command(&self, args: &[&str]) -> Command {
         let own = |name: &str| self.folder.join(name).display().to_string();
         let mut words = self.rootless.clone();
-        words.extend(["env".into(), format!("HOME={}", own("run")), format!("XDG_RUNTIME_DIR={}", own("run")), "podman".into()]);
-        for (option, value) in [("--storage-driver", "overlay".to_owned()), ("--root", own("store")), ("--runroot", own("run"))] {
+        words.extend([
+            "env".into(),
+            format!("HOME={}", own("run")),
+            format!("XDG_RUNTIME_DIR={}", own("run")),
+            "podman".into(),
+        ]);
+        for (option, value) in
+            [("--storage-driver", "overlay".to_owned()), ("--root", own("store")), ("--runroot", own("run"))]
+        {
             words.extend([option.to_owned(), value]);
         }
         words.extend(["--cgroup-manager", "cgroupfs", "--runtime", "crun"].map(str::to_owned));
@@ -170,10 +179,15 @@ impl Engine {
     /// The options of a container as this check and `docs/fleet.md` have it.
     fn options(&self, more: &[String]) -> Vec<String> {
         let own = |name: &str| self.folder.join(name).display().to_string();
-        let mut options: Vec<String> =
-            ["--read-only", "--cap-drop=all", "--security-opt=no-new-privileges", "--network=none", "--cgroups=disabled"]
-                .map(str::to_owned)
-                .to_vec();
+        let mut options: Vec<String> = [
+            "--read-only",
+            "--cap-drop=all",
+            "--security-opt=no-new-privileges",
+            "--network=none",
+            "--cgroups=disabled",
+        ]
+        .map(str::to_owned)
+        .to_vec();
         options.push("--userns=keep-id:uid=990,gid=990".into());
         options.push("--tmpfs=/run:mode=1777".into());
         options.push(format!("--volume={}:/etc/ob1:ro", own("station")));
@@ -229,7 +243,8 @@ impl Engine {
             inside.push(self.inside(&format!("inside-{pair}"))?);
         }
         outside.push(self.outside(site, "outside-last")?);
-        let range = |values: &[u64]| (values.iter().copied().min().unwrap_or(0), values.iter().copied().max().unwrap_or(0));
+        let range =
+            |values: &[u64]| (values.iter().copied().min().unwrap_or(0), values.iter().copied().max().unwrap_or(0));
         let middle = |values: &[u64]| {
             let mut sorted = values.to_vec();
             sorted.sort_unstable();
@@ -250,7 +265,10 @@ impl Engine {
     fn outside(&self, site: &Site, name: &str) -> Outcome<u64> {
         let report = self.folder.join("state").join(name);
         let mut command = Command::new(&self.ob1);
-        command.args(["run", "--quiet", "--for", RUN, "--report"]).arg(&report).arg(self.folder.join("outside/wake.toml"));
+        command
+            .args(["run", "--quiet", "--for", RUN, "--report"])
+            .arg(&report)
+            .arg(self.folder.join("outside/wake.toml"));
         command.env("XDG_RUNTIME_DIR", self.folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
         shell::read(&mut command)?;
         wake_p99(&report)
@@ -289,12 +307,9 @@ fn wake_p99(report: &Path) -> Outcome<u64> {
 /// Station A as the container gets it, the same without a CP for its wake-up, and station B outside.
 fn stations(folder: &Path) -> Outcome {
     let example = cargo::root().join("examples/two-stations");
-    let read = |name: &str| {
-        std::fs::read_to_string(example.join(name)).map_err(|why| step(format!("{name}: {why}")))
-    };
-    let write = |name: &str, text: &str| {
-        std::fs::write(folder.join(name), text).map_err(|why| step(format!("{name}: {why}")))
-    };
+    let read = |name: &str| std::fs::read_to_string(example.join(name)).map_err(|why| step(format!("{name}: {why}")));
+    let write =
+        |name: &str, text: &str| std::fs::write(folder.join(name), text).map_err(|why| step(format!("{name}: {why}")));
     let kept = "\n[retentive]\nmemory = [\"200..209\"]\n";
     let a = read("station-a.toml")?.replace("pty:null-modem.pty", "serial:/dev/ttyOB1") + kept;
     write("station/station.toml", &a)?;

@@ -12,7 +12,8 @@ use crate::statistics::{INTERVALS, Ratio, Shift, beyond, compare as shift, neede
 use crate::units::time;
 
 /// The series that are compared by their intervals.
-pub(super) const SERIES: [&str; 6] = ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];
+pub(super) const SERIES: [&str; 6] =
+    ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];
 /// A tail is worse when the values beyond the first run's percentile are more than this many times as many.
 const MORE: f64 = 2.0;
 

@@ -7,12 +7,12 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::SoakArgs;
 use super::budget::{Budget, What};
 use super::compare::{SERIES, differences};
 use super::files::Files;
 use super::judge::{figure, finding, judge, stays_in_run};
 use super::report::{Beside, Machine, Report, percentiles};
-use super::SoakArgs;
 use super::verdict::{Finding, Verdict};
 use crate::statistics::{OUTLIER, OUTLIERS, compare as shift, middle, scores};
 use crate::units::time;
@@ -163,7 +163,8 @@ fn worst_of(machines: &[Report], names: &[String], of: impl Fn(&Report) -> Findi
 fn soaked_alike(first: &Report, others: &[Report], names: &[String]) -> Option<Finding> {
     let different = others.iter().zip(names.iter().skip(1)).filter_map(|(other, name)| {
         // Each machine has its own seed of the load.
-        let told: Vec<String> = differences(first, other).into_iter().filter(|told| !told.starts_with("load")).collect();
+        let told: Vec<String> =
+            differences(first, other).into_iter().filter(|told| !told.starts_with("load")).collect();
         (!told.is_empty()).then(|| format!("{name}: {}", told.join(", ").replace('\n', "")))
     });
     let different: Vec<String> = different.collect();
@@ -177,9 +178,8 @@ fn soaked_alike(first: &Report, others: &[Report], names: &[String]) -> Option<F
 
 /// Each machine, by itself and beside the others.
 fn tell(machines: &[Report], names: &[String]) -> Vec<Machine> {
-    let series = |report: &Report, name: &str| -> Vec<f64> {
-        report.series(name).into_iter().map(|(_, value)| value).collect()
-    };
+    let series =
+        |report: &Report, name: &str| -> Vec<f64> { report.series(name).into_iter().map(|(_, value)| value).collect() };
     let mut told: Vec<Machine> = machines.iter().zip(names).map(|(report, name)| alone(report, name)).collect();
     for name in SERIES {
         let all: Vec<Vec<f64>> = machines.iter().map(|report| series(report, name)).collect();

@@ -21,7 +21,8 @@ fn report(host: &str, wake: &[u64]) -> Report {
             "max_ns": histogram.max().nanos(), "buckets": buckets})
     };
     let late = wake.iter().filter(|value| **value > 1_000_000).count();
-    let classes = if late == 0 { json!({}) } else { json!({"kernel": {"scans": late, "time_ns": late, "worst_ns": 1}}) };
+    let classes =
+        if late == 0 { json!({}) } else { json!({"kernel": {"scans": late, "time_ns": late, "worst_ns": 1}}) };
     let (of_all, none) = (spread(wake), spread(&[]));
     let timing: Timing = serde_json::from_value(json!({"schema": 2, "time_ns": 0, "since_ns": 0, "min_cycle_ns": 1_000_000,
         "missed_rule": "skip", "late_from_ns": 1_000_000, "long_from_ns": 0, "scans": wake.len(), "statements": 3 * wake.len(),
@@ -153,7 +154,10 @@ fn what_cannot_be_one_report_is_refused_and_what_broke_off_is_no_pass() {
     assert!(refused(vec![two]).contains("merged already"));
     let cut = Report { ended: Ended::UnderWay, ..report("b", &[1_000; 9]) };
     let cut = merged(&paths(vec![one(), cut]), &[], 0.1).expect("two machines");
-    assert_eq!((cut.verdict, &*cut.findings[0].why), (Verdict::Inconclusive, "worst: b: 0.0 s of 0.0 s have been seen"));
+    assert_eq!(
+        (cut.verdict, &*cut.findings[0].why),
+        (Verdict::Inconclusive, "worst: b: 0.0 s of 0.0 s have been seen")
+    );
     // The limits are those the reports were judged by.
     let mut judged = one();
     judge(&mut judged, &budget("wake.max=1us"));
