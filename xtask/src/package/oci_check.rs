@@ -1,8 +1,8 @@
 //! `cargo xtask package --oci --check`: the image, run rootless by podman.
 //!
-//! Station A of the demo runs in the container; station B, its partner, runs outside, and both are connected by a pseudo
-//! terminal that the container gets as a device. podman runs as a user without rights: as ours, or, for root, as one
-//! that is made for the check.
+//! Station A of the demo runs in the container; station B, its partner, runs outside, and both are connected by a
+//! pseudo terminal that the container gets as a device. podman runs as a user without rights: as ours, or, for root, as
+//! one that is made for the check.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
