@@ -28,7 +28,7 @@ const ENTRIES: u32 = 100;
     after_help = "Examples:\n  ob1 list\n  ob1 list --json\n  ob1 list --prometheus /etc/prometheus/ob1/hall3.json\n\nMore: docs/fleet.md."
 )]
 pub struct ListArgs {
-    /// As a JSON array of {name, state, version, program, pid, running_s, min_cycle_ns, cycle_ns, wake_p99_ns, scans, late, missed, last_stop, listens, folder}
+    /// As a JSON array of {name, state, version, program, pid, running_s, cycle_ns, late, last_stop, listens, ...}
     #[arg(long)]
     pub json: bool,
     /// Write the links of type "metrics" there, for file_sd_configs of Prometheus; "-" prints them

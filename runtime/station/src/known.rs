@@ -90,7 +90,7 @@ impl KnownProgram {
             names: Names::new(&program),
             places: Places::new(&program),
             blocks: blocks(&program, &library),
-            sums: [0, folded(ob1_ir::write(&program).as_bytes())],
+            sums: [0, folded(without_paths(&ob1_ir::write(&program)).as_bytes())],
             program,
             library,
             downloads: Vec::new(),
@@ -115,6 +115,11 @@ impl KnownProgram {
             self.sums[0] = self.sums[0].rotate_left(1) ^ folded(bytes);
         }
     }
+}
+
+/// A program in its file form without the places of its sources: it is the same program on another machine.
+fn without_paths(text: &str) -> String {
+    text.lines().filter(|line| !line.starts_with("source ")).map(|line| format!("{line}\n")).collect()
 }
 
 fn folded(bytes: &[u8]) -> u32 {

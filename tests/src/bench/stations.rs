@@ -17,7 +17,7 @@ pub const LADDER: [(usize, u64); 8] =
 /// What a station may take beyond pages that others have, too.
 const OWN: u64 = 12 << 10;
 /// So long the slowest station may take to its first scans.
-const START: Duration = Duration::from_secs(120);
+const START: Duration = Duration::from_secs(600);
 
 /// Runs so many stations at a cycle, for so many seconds; whether none stopped, and each kept within its memory.
 ///
@@ -34,13 +34,13 @@ pub fn measure(ob1: &Path, count: usize, cycle: u64, seconds: u64) -> Result<boo
         if begin.elapsed() > START {
             return Err(format!("not all of {count} stations are in RUN after {} s", START.as_secs()).into());
         }
-        std::thread::sleep(Duration::from_millis(200));
+        std::thread::park_timeout(Duration::from_millis(200));
     }
     for number in 1..=count {
         site.ask(number, r#"{"op":"reset_statistics"}"#)?;
     }
     let began = (Instant::now(), cpu_ticks(&stations)?);
-    std::thread::sleep(Duration::from_secs(seconds));
+    std::thread::park_timeout(Duration::from_secs(seconds));
     let used = cpu_ticks(&stations)?.saturating_sub(began.1);
     let lasted = began.0.elapsed().as_secs_f64();
     let mut timings = Vec::new();
@@ -115,7 +115,7 @@ impl Site {
             folder.join("station.toml"),
             format!(
                 "[station]\nname = \"{{folder}}\"\n\n[cpu]\nmin_cycle = \"{cycle}ms\"\nwatchdog = \"5s\"\n\n\
-                 [program]\nsources = [\"../plant.awl\"]\n\n[retentive]\n\n[cpu.realtime]\npolicy = \"fifo\"\npriority = 50\n"
+                 [program]\nsources = [\"../plant.awl\"]\n\n[retentive]\n\n[cpu.realtime]\npriority = 50\n"
             ),
         )?;
         let mut command = self.command();

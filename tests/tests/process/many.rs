@@ -11,11 +11,15 @@ use crate::common::station::{Running, counting};
 /// A station that keeps DB 10, and stops when M 2.0 is set.
 fn station(site: &Site, name: &str, keys: &str) -> Running {
     let data = "DATA_BLOCK DB 10\nSTRUCT\nrecipe : INT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
-    site.write("plant.awl", &counting(data, "      U M 2.0;\n      SPBN on;\n      CALL SFC 46;\non:   NOP 0;\n"));
+    std::fs::create_dir_all(site.path(name)).expect("a folder");
+    site.write(
+        &format!("{name}/plant.awl"),
+        &counting(data, "      U M 2.0;\n      SPBN on;\n      CALL SFC 46;\non:   NOP 0;\n"),
+    );
     site.write(
         &format!("{name}.toml"),
         &format!(
-            "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"20s\"\n\n[program]\nsources = [\"plant.awl\"]\n\n\
+            "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"20s\"\n\n[program]\nsources = [\"{name}/plant.awl\"]\n\n\
              [retentive]\nmemory = [\"100..199\"]\nevery = \"100ms\"\n\n{keys}"
         ),
     );
@@ -58,7 +62,7 @@ fn all_stations_are_listed_and_prometheus_finds_their_figures() {
     let all = listed(&site);
     let by = |name: &str| all.iter().find(|one| one["name"] == name).expect(name);
     assert_eq!((&by("rack1")["state"], &by("rack2")["state"]), (&"RUN".into(), &"STOP".into()));
-    assert_eq!(by("rack1")["program"], by("rack2")["program"], "one program, one fingerprint");
+    assert_eq!(by("rack1")["program"], by("rack2")["program"], "one program, one fingerprint, wherever it lies");
     assert_eq!(by("rack1")["program"].as_str().map(str::len), Some(8));
     assert_eq!(by("rack1")["min_cycle_ns"], 10_000_000);
     let stop = by("rack2")["last_stop"]["text"].as_str().expect("why");

@@ -190,7 +190,8 @@ pub fn collect<'a>(outputs: impl IntoIterator<Item = &'a str>) -> Result<Collect
     let mut all = first.ok_or("no part of a campaign is here; each ends with a line of JSON (--json)")?;
     let lost = (1..=all.part.of).filter(|number| !parts.contains_key(number)).collect();
     all = Tally { part: Part::WHOLE, host: String::new(), done: 0, digest: 0, ..all };
-    (all.failed.clear(), all.counts.clear());
+    all.failed.clear();
+    all.counts.clear();
     for tally in parts.into_values() {
         all.done += tally.done;
         all.failed.extend(tally.failed);

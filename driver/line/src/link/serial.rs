@@ -2,11 +2,13 @@
 //! descriptor.
 
 use std::io;
+use std::ops::RangeInclusive;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
 
 use rustix::event::PollFlags;
-use rustix::fs::{FlockOperation, OFlags, fcntl_getfl, fcntl_setfl, flock};
+use rustix::fs::{FlockOperation, OFlags, fcntl_getfl, fcntl_setfl, flock, major};
 use rustix::termios::{ControlModes, InputModes, OptionalActions, tcgetattr, tcsetattr};
 use serialport::{ClearBuffer, DataBits, FlowControl, SerialPort, TTYPort};
 
@@ -49,12 +51,17 @@ impl SerialLink {
     }
 }
 
+/// Whether a device is the end of a pty that programs open, by its number: in a container it has any name.
+fn is_pty(path: &Path) -> io::Result<bool> {
+    const UNIX98_PTY_SLAVES: RangeInclusive<u32> = 136..=143;
+    Ok(UNIX98_PTY_SLAVES.contains(&major(std::fs::metadata(path)?.rdev())))
+}
+
 impl Link for SerialLink {
     fn open(&mut self, _now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         // A pty outlives the program that opened it, because its creator keeps it open, and with it the exclusive mode
         // of TIOCEXCL: after a kill nobody could open it again. A lock ends with its process.
-        let real = std::fs::canonicalize(&self.path)?;
-        let is_pty = real.starts_with("/dev/pts");
+        let is_pty = is_pty(&self.path)?;
         let tty = builder(&self.path, settings).exclusive(!is_pty).open_native()?;
         let mut port = Port { tty, knows_empty: false, has_modem: false, is_pty };
         if is_pty {

@@ -7,6 +7,7 @@ mod clients;
 mod control;
 pub mod debug;
 pub(crate) mod facts;
+pub mod links;
 pub mod pass;
 pub mod protocol;
 pub mod server;

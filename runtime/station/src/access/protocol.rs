@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 
 use ob1_access::alarms::StandingAlarm;
-use ob1_access::door::Connection;
-use ob1_broker::LinkState;
 use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -15,6 +13,8 @@ use super::pass::{PassStatus, PassWanted};
 use super::why::{WhyStatus, WhyWanted};
 use crate::download::{LoadOrder, LoadStatus};
 use ob1_timing::{Recorder, Timing};
+
+pub use super::links::{LinkStatus, Listens};
 
 /// Longest line accepted, in bytes.
 pub const LINE_BYTES: usize = 64 * 1024;
@@ -157,24 +157,6 @@ pub struct Response {
     /// Answer to `load`: what has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<Box<LoadStatus>>,
-}
-
-/// A link into the CPU.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
-pub struct LinkStatus {
-    /// Name of the link in the station file.
-    pub name: String,
-    /// Its process is up.
-    pub up: bool,
-    /// Its connections, where it reports them: an S7 link does.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub connections: Vec<Connection>,
-}
-
-impl From<&LinkState> for LinkStatus {
-    fn from(link: &LinkState) -> Self {
-        Self { name: link.name.clone(), up: link.up, connections: link.connections.clone() }
-    }
 }
 
 impl Response {
@@ -362,18 +344,6 @@ pub struct Status {
     /// Why they will be lost when the station ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub downloads_not_kept: Option<String>,
-}
-
-/// A link that listens.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
-pub struct Listens {
-    /// Its type, as in the station file.
-    #[serde(rename = "type")]
-    pub kind: String,
-    /// Its address, as in the station file.
-    pub address: std::net::SocketAddr,
-    /// With TLS.
-    pub tls: bool,
 }
 
 /// A distribution of times, in nanoseconds.
