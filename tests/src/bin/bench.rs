@@ -175,7 +175,8 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             }
             "pair" => vec![scan::idle_pair()?],
             "backplane" => {
-                let mut all = vec![backplane::measure()?, backplane::measure_times()?, backplane::measure_iceoryx()?];
+                let mut all = vec![backplane::measure()?, backplane::measure_iceoryx()?];
+                all.extend(backplane::measure_times()?);
                 all.extend(backplane::measure_asleep()?);
                 all
             }
