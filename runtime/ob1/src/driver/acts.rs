@@ -186,10 +186,16 @@ fn overflow(rig: &mut Rig<'_>) -> Checked {
     rig.fetch(&kept)
 }
 
-/// First counts and their withdrawal, with no time between: a change that comes as the driver goes to sleep is seen.
+/// First counts and their withdrawal, each shortly after something that only wakes the driver: a change that comes as it
+/// goes back to sleep is seen.
 fn quick(rig: &mut Rig<'_>) -> Checked {
-    for round in 0..150 {
+    for round in 0..300 {
         let count = 13 + round % 7;
+        rig.spoil(&[])?;
+        let until = rig.now() + Span::from_nanos(rig.rng.u64(..100_000));
+        while rig.now() < until {
+            std::hint::spin_loop();
+        }
         rig.put_tx(count, &[6; BLOCK])?;
         rig.echo(count)?;
         rig.put_tx(0, &[])?;
