@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use ob1_station::access::protocol::Op;
 use ob1_timing::Timing;
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::common::site::Site;
@@ -177,7 +178,7 @@ fn the_lines_are_on_the_same_axis() {
         let recording = scope.spawn(|| site.ob1(&args));
         let done = a.cell("DB20.DONE");
         a.until("more telegrams", |a| (a.cell("DB20.DONE") > done + 5).then_some(()));
-        a.driver_process().kill();
+        a.driver_process().signal(Signal::KILL);
         recording.join().expect("recorded")
     });
     recording.fine();
