@@ -1,7 +1,8 @@
 //! Recordings: signals of a CPU at every cycle control point, and what happened meanwhile (docs/record.md).
 //!
 //! [`Capture`] decides what of a CPU's rows is kept: history, trigger, length, parts. [`Writer`] makes the blocks of a
-//! file of it, [`Reader`] reads them, also those of a file that was cut off. Nothing here opens a file or reads a clock.
+//! file of it, [`Reader`] reads them, also those of a file that was cut off. Nothing here opens a file or reads a
+//! clock.
 
 mod capture;
 mod event;

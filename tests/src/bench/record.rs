@@ -164,8 +164,13 @@ pub fn measure() -> Result<Vec<Figure>, Failure> {
     let thread = median(&mut threads);
     let cost = (with - idle.min(again)).max(0.0);
     let (lost, growth, bytes, seconds) = bench.hour()?;
-    let figure =
-        |what: &str, value, unit: &'static str, aim| Figure { what: what.to_owned().into(), value, unit, floor: None, aim };
+    let figure = |what: &'static str, value, unit: &'static str, aim| Figure {
+        what: what.into(),
+        value,
+        unit,
+        floor: None,
+        aim,
+    };
     Ok(vec![
         Figure { floor: Some(("the same", idle)), ..figure("a scan without a recording", again, "ns", ("", true)) },
         Figure { floor: Some(("without", idle)), ..figure("a scan with 64 signals recorded", with, "ns", ("", true)) },

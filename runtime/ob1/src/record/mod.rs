@@ -23,7 +23,8 @@ use sink::Sink;
 
 /// Record signals at every scan, and what happens meanwhile: for Perfetto, as a table, or to be replayed
 ///
-/// Values are those of the cycle control point of each scan. Recording does not slow the scan down noticeably; rows that
+/// Values are those of the cycle control point of each scan. Recording does not slow the scan down noticeably; rows
+/// that
 /// are not taken in time are lost, and counted. The ending of the file says its form: .pftrace is for
 /// https://ui.perfetto.dev, .csv a table, .ob1trace the recording itself, which all others can be made of.
 #[derive(Clone, Debug, Default, Args)]
