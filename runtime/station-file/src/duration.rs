@@ -13,6 +13,22 @@ const UNITS: [(&str, Span); 7] = [
 ];
 const LONGEST: Span = Span::from_secs(24 * 3_600);
 
+/// Most days of a run that somebody ends.
+const MOST_DAYS: u64 = 366;
+
+/// Reads the length of a run: days (`7d`), at most a year, or as [`parse_duration`].
+///
+/// # Errors
+/// What is wrong, in one sentence that shows how to write it.
+pub fn parse_run(text: &str) -> Result<Span, String> {
+    let days = text.trim().strip_suffix('d').and_then(|days| days.trim().parse::<u64>().ok());
+    match days {
+        Some(days) if days > MOST_DAYS => Err(format!("\"{text}\" is too long; at most {MOST_DAYS}d")),
+        Some(days) => Ok(Span::from_secs(days * 24 * 3_600)),
+        None => parse_duration(text),
+    }
+}
+
 /// Reads a time: a number, with decimals if need be, and a unit (`ns us µs ms s min h`).
 ///
 /// # Errors
@@ -56,6 +72,13 @@ pub fn parse_duration(text: &str) -> Result<Span, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn days_of_a_run() {
+        assert_eq!(parse_run("7d"), Ok(Span::from_secs(7 * 86_400)));
+        assert_eq!(parse_run("90 min"), parse_duration("90min"));
+        assert!(parse_run("367d").is_err() && parse_run("d").is_err() && parse_run("1.5d").is_err());
+    }
 
     #[test]
     fn times() {

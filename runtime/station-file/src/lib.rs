@@ -40,7 +40,7 @@ mod values;
 pub use check::standard;
 
 pub use connection::ISO_PORT;
-pub use duration::parse_duration;
+pub use duration::{parse_duration, parse_run};
 pub use engine::EngineChoice;
 pub use line::{Line, LineError};
 pub use retentive::RetentiveFile;

@@ -186,8 +186,8 @@ fn overflow(rig: &mut Rig<'_>) -> Checked {
     rig.fetch(&kept)
 }
 
-/// First counts and their withdrawal, each shortly after something that only wakes the driver: a change that comes as it
-/// goes back to sleep is seen.
+/// First counts and their withdrawal, each shortly after something that only wakes the driver: a change that comes as
+/// it goes back to sleep is seen.
 fn quick(rig: &mut Rig<'_>) -> Checked {
     for round in 0..300 {
         let count = 13 + round % 7;

@@ -25,8 +25,8 @@ const NO_SDK: &str = "N004";
 
 /// Write a new station, plugin or driver, that runs at once
 ///
-/// The folder must not be there yet. Its name is that of the station, plugin or driver: 1 to 40 letters, digits, - and _,
-/// without - in front.
+/// The folder must not be there yet. Its name is that of the station, plugin or driver: 1 to 40 letters, digits, - and
+/// _, without - in front.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 new station press\n  ob1 new station press --language scl\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \

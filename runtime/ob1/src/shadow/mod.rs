@@ -61,8 +61,8 @@ pub struct ShadowArgs {
     /// Time between two readings; the rack may need longer
     #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = ob1_station_file::parse_duration)]
     pub every: Span,
-    /// How long; without it until Ctrl-C
-    #[arg(long = "for", value_name = "TIME", value_parser = ob1_station_file::parse_duration)]
+    /// How long, in days too; without it until Ctrl-C
+    #[arg(long = "for", value_name = "TIME", value_parser = ob1_station_file::parse_run)]
     pub time: Option<Span>,
     /// Write the report as JSON, anew with each difference and at the end
     #[arg(long, value_name = "FILE")]

@@ -432,7 +432,7 @@ fn idle_clients_lock_nobody_out() {
     let bench = Bench::new();
     let socket = bench.rundir().join("control.sock");
     // With few descriptors too: the shell's limit is the run's.
-    for limit in ["", "ulimit -n 40; "] {
+    for limit in ["", "ulimit -n 56; "] {
         let mut command = std::process::Command::new("sh");
         let ob1 = env!("CARGO_BIN_EXE_ob1");
         command.args(["-c", &format!("{limit}exec {ob1} run bench.toml --quiet")]).current_dir(bench.folder.path());

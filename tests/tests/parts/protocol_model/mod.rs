@@ -150,8 +150,8 @@ impl Whole {
         }
     }
 
-    /// The order with the start-up that the CPU knows: for the acknowledgement of a start-up, before which a driver takes
-    /// nothing.
+    /// The order with the start-up that the CPU knows: for the acknowledgement of a start-up, before which a driver
+    /// takes nothing.
     fn tagged(&self) -> u8 {
         self.order + 4 * self.posted_to
     }
