@@ -113,13 +113,11 @@ impl Capture {
         while taken == Taken::More
             && rows.take(|found| row.set(&found, &self.settings.signals, &mut self.bytes)).is_some()
         {
-            row = match self.row(row, out, room(out.len())) {
-                Ok(row) => row,
-                Err(row) => {
-                    taken = Taken::Complete;
-                    row
-                }
-            };
+            let complete;
+            (row, complete) = self.row(row, out, room(out.len()));
+            if complete {
+                taken = Taken::Complete;
+            }
             while let Some(run) = rows.take_run() {
                 self.run(run);
             }
@@ -140,8 +138,8 @@ impl Capture {
         }
     }
 
-    /// Takes one row; returns one that can be used again. `Err`: the last part is complete.
-    fn row(&mut self, mut row: Row, out: &mut Vec<u8>, room: bool) -> Result<Row, Row> {
+    /// Takes one row; returns one that can be used again, and whether the last part is complete.
+    fn row(&mut self, mut row: Row, out: &mut Vec<u8>, room: bool) -> (Row, bool) {
         row.lost += self.dropped;
         self.lost = row.lost - self.dropped;
         // A trigger is seen also while a part is written: an edge in it does not fire after it.
@@ -155,10 +153,10 @@ impl Capture {
             self.writer.event(Event::Part { number, time_ns: row.time.nanos(), why }, out);
             self.write_history(row.time.saturating_sub(self.settings.before), out);
         }
-        let Some(began) = self.part else { return Ok(self.keep(row)) };
+        let Some(began) = self.part else { return (self.keep(row), false) };
         if !room {
             self.dropped += 1;
-            return Ok(row);
+            return (row, false);
         }
         self.write(&row);
         if self.writer.waiting() >= BLOCK {
@@ -166,12 +164,12 @@ impl Capture {
         }
         let length = self.settings.length;
         if length.is_zero() || row.time.since(began) < length {
-            return Ok(row);
+            return (row, false);
         }
         self.part = None;
         self.span = self.span.map(|(from, _)| (from, row.time));
         self.writer.event(Event::Complete { number: self.parts, time_ns: row.time.nanos() }, out);
-        if self.parts == self.settings.repeat { Err(row) } else { Ok(row) }
+        (row, self.parts == self.settings.repeat)
     }
 
     fn write(&mut self, row: &Row) {
@@ -252,7 +250,7 @@ mod tests {
                 capture.event(event, &mut file);
             }
             row.state = ob1_model::OperatingState::Run;
-            complete = complete || capture.row(row, &mut file, true).is_err();
+            complete |= capture.row(row, &mut file, true).1;
             capture.run(ObRun { ob: 1, began: Instant::from_nanos(time_ns), ..ObRun::default() });
             if complete {
                 break;
@@ -316,7 +314,7 @@ mod tests {
         let mut capture = Capture::new(settings);
         for row in rows(100, 0..0, 200) {
             let room = !(30..60).contains(&row.scan.number);
-            assert!(capture.row(row, &mut file, room).is_ok());
+            assert!(!capture.row(row, &mut file, room).1);
         }
         capture.end("time", Instant::START, &mut file);
         let mut reader = Reader::new(&file[..]).expect("a recording");

@@ -59,6 +59,9 @@ struct Piece {
     len: u32,
 }
 
+/// A piece with its bytes; none: the rack does not have it.
+type Fetched = (Piece, Option<Vec<u8>>);
+
 /// Bytes around an item in a request and its answer, and of the telegrams themselves.
 const ITEM: usize = 12;
 const ANSWERED: usize = 5;
@@ -138,7 +141,7 @@ fn covering(cells: impl Iterator<Item = (Cell, Width)>) -> Vec<Piece> {
 }
 
 /// The value of a cell in what was read.
-fn value(read: &[(Piece, Option<Vec<u8>>)], cell: Cell, width: Width) -> Option<u32> {
+fn value(read: &[Fetched], cell: Cell, width: Width) -> Option<u32> {
     read.iter().find_map(|(piece, bytes)| {
         let skip = piece.at(cell, width)?;
         let bytes = bytes.as_ref()?.get(skip..)?;
@@ -257,8 +260,8 @@ impl<'s> S7Rack<'s> {
         done
     }
 
-    fn fetch(&mut self, pieces: &[Piece]) -> Result<Vec<(Piece, Option<Vec<u8>>)>, String> {
-        let mut read: Vec<(Piece, Option<Vec<u8>>)> = pieces.iter().map(|piece| (*piece, Some(Vec::new()))).collect();
+    fn fetch(&mut self, pieces: &[Piece]) -> Result<Vec<Fetched>, String> {
+        let mut read: Vec<Fetched> = pieces.iter().map(|piece| (*piece, Some(Vec::new()))).collect();
         let pdu = self.with(|device| Ok(device.pdu()))?;
         for telegram in telegrams(pieces, pdu) {
             let addresses: Vec<Address> = telegram.iter().map(|(_, piece)| piece.address()).collect();
@@ -280,8 +283,8 @@ impl<'s> S7Rack<'s> {
         Ok(list.is_ok_and(|(_, records)| records.get(STATE_AT) == Some(&RUN)))
     }
 
-    fn inputs(&self, read: &[(Piece, Option<Vec<u8>>)]) -> Vec<u8> {
-        let of = |(piece, bytes): &(Piece, Option<Vec<u8>>)| match bytes {
+    fn inputs(&self, read: &[Fetched]) -> Vec<u8> {
+        let of = |(piece, bytes): &Fetched| match bytes {
             Some(bytes) => bytes.clone(),
             None => vec![0; piece.bytes()],
         };

@@ -212,10 +212,7 @@ impl Bench {
 
     /// The bit address of an input that a module has.
     fn module_input(&self, set: &Set) -> Option<u32> {
-        let bit = match set.item.cell {
-            Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => bit,
-            _ => return None,
-        };
+        let (Cell::Area(Area::Input, bit) | Cell::Peripheral(bit)) = set.item.cell else { return None };
         self.inputs.iter().any(|bytes| bytes.contains(&(bit / 8))).then_some(bit)
     }
 

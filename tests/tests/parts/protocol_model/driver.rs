@@ -149,7 +149,7 @@ impl Protocol {
                 31
             }
             31 => {
-                d.a = if d.a % 2 == 0 || self.break_ == Break::StaysOdd { d.a + 1 } else { d.a + 2 };
+                d.a = if d.a.is_multiple_of(2) || self.break_ == Break::StaysOdd { d.a + 1 } else { d.a + 2 };
                 if self.break_ != Break::NoSequence {
                     s.set(W::InSequence, d.a);
                 }

@@ -117,7 +117,7 @@ impl Protocol {
             }
             2 => {
                 let before = s.get(W::InSequence);
-                s.set(W::InSequence, if before % 2 == 0 { before + 1 } else { before + 2 });
+                s.set(W::InSequence, if before.is_multiple_of(2) { before + 1 } else { before + 2 });
                 3
             }
             3 => {
