@@ -17,7 +17,7 @@ A program that differs is made smaller and written to tests/compare.
 Exit status: 0 all the same, 1 some differ, 2 something could not be run.";
 
 fn main() -> ExitCode {
-    match wish().and_then(run) {
+    match wish().and_then(|wish| run(&wish)) {
         Ok(0) => ExitCode::SUCCESS,
         Ok(_) => ExitCode::FAILURE,
         Err(failure) => {
@@ -51,7 +51,7 @@ fn wish() -> Result<Wish, Failure> {
 }
 
 /// The number of seeds that differ.
-fn run(wish: Wish) -> Result<usize, Failure> {
+fn run(wish: &Wish) -> Result<usize, Failure> {
     let awlsim = Awlsim::find()?;
     let scratch = Scratch::new("compare")?;
     let options = format!("--seeds {} --seed {}", wish.count, wish.first);

@@ -131,7 +131,7 @@ fn a_rack_with_the_same_program_is_equal() {
     assert!(text.contains("3 cells compared, 0 of them different"), "{text}");
     assert!(report["equal"].as_u64() > Some(50), "{report}");
     only_looks(&between);
-    // What was read can be replayed without the rack, with one scan for each reading: a timer may end one reading apart.
+    // What was read can be replayed without the rack, one scan for each reading: a timer may end one reading apart.
     let replayed = site.ob1(&["exec", "own.awl", "--replay", "rack.ob1trace"]);
     let said = replayed.out + &replayed.err;
     assert!(matches!(replayed.code, Some(0 | 15)) && said.contains("scans replayed"), "{said}");
