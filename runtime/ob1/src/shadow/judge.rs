@@ -12,9 +12,9 @@ use super::subject::{Subject, Watched};
 
 /// Readings in a row that no replica explains, before anybody is asked.
 const UNEXPLAINED: u32 = 2;
-/// How often a cell differs with the same origin before it is a difference: once may be a change that was shorter than
-/// the reading.
-const OCCURRENCES: usize = 2;
+/// A cell that differs again within this time with the same origin is a difference: once may be a change that was
+/// shorter than the reading.
+const AGAIN: Span = Span::from_secs(600);
 /// Takings-over in a row after which nothing was equal: what differs then does so always.
 const IN_VAIN: u32 = 3;
 /// Readings whose distances say how long one takes.
@@ -33,8 +33,9 @@ struct Compared {
     /// Readings in a row that nobody explains, and the first of them.
     run: u32,
     since: Instant,
-    /// The origins of each time it differed.
-    occurrences: Vec<BTreeSet<Origin>>,
+    /// How often it differed; when last, and with which origins.
+    occurrences: u64,
+    last: Option<(Instant, BTreeSet<Origin>)>,
     /// It is a difference.
     known: bool,
     differing: u64,
@@ -89,7 +90,7 @@ pub(crate) struct Judge<'s> {
 impl<'s> Judge<'s> {
     /// `date`: nanoseconds since 1990 at the time 0 of the readings.
     pub(crate) fn new(subject: &'s Subject, date: u64) -> Result<Self, String> {
-        let replicas = Placing::ALL.iter().map(|placing| Replica::new(subject, *placing, date));
+        let replicas = Placing::all().map(|placing| Replica::new(subject, placing, date));
         let cells = subject.cells.iter().enumerate().filter(|(_, watched)| watched.compared);
         Ok(Self {
             subject,
@@ -246,10 +247,13 @@ impl<'s> Judge<'s> {
             let Some(compared) = self.compared.get_mut(*index) else { continue };
             let value = look.values.get(*index).copied().flatten().unwrap_or_default();
             let origins = self.subject.wiring.origins(compared.cell, &differing);
-            let again = compared.occurrences.iter().any(|before| origins.iter().any(|origin| before.contains(origin)));
-            compared.occurrences.push(origins.iter().cloned().collect());
+            let again = compared.last.as_ref().is_some_and(|(at, before)| {
+                look.at.since(*at) <= AGAIN && origins.iter().any(|origin| before.contains(origin))
+            });
+            compared.occurrences += 1;
+            compared.last = Some((look.at, origins.iter().cloned().collect()));
             compared.run = 0;
-            if self.in_vain >= IN_VAIN || again && compared.occurrences.len() >= OCCURRENCES {
+            if self.in_vain >= IN_VAIN || again {
                 compared.known = true;
                 let shadow = self.replicas.first().and_then(|replica| replica.value(compared.cell));
                 let around = self.around.iter().cloned().collect();
@@ -314,7 +318,7 @@ impl<'s> Judge<'s> {
     /// The counts so far.
     pub(crate) fn counts(&self) -> Counts {
         let once = self.compared.iter().filter(|compared| !compared.known);
-        Counts { once: once.map(|compared| compared.occurrences.len() as u64).sum(), ..self.counts }
+        Counts { once: once.map(|compared| compared.occurrences).sum(), ..self.counts }
     }
 }
 

@@ -26,11 +26,18 @@ pub(crate) enum Placing {
     /// Those that rise first.
     RisingFirst,
     FallingFirst,
+    /// In an order of its own each time: where two such gaps follow each other, a fixed order is right in one of them.
+    Mixed(u8),
 }
 
+/// Replicas with mixed orders.
+const MIXED: u8 = 10;
+
 impl Placing {
-    pub(crate) const ALL: [Self; 6] =
-        [Self::Late, Self::Early, Self::Upwards, Self::Downwards, Self::RisingFirst, Self::FallingFirst];
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        use Placing::{Downwards, Early, FallingFirst, Late, RisingFirst, Upwards};
+        [Late, Early, Upwards, Downwards, RisingFirst, FallingFirst].into_iter().chain((0..MIXED).map(Self::Mixed))
+    }
 }
 
 /// Something that changes at once: a bit, or a word of an analog module.
@@ -95,6 +102,13 @@ impl Replica {
             Placing::Downwards => order.reverse(),
             Placing::RisingFirst => order.sort_by_key(|change| !change.rises),
             Placing::FallingFirst => order.sort_by_key(|change| change.rises),
+            Placing::Mixed(number) => {
+                let gap = from.nanos().to_le_bytes();
+                order.sort_by_cached_key(|change| {
+                    let of = change.byte.to_le_bytes().into_iter().chain([change.mask, number]);
+                    ob1_files::checksum(of.chain(gap))
+                });
+            }
             Placing::Late | Placing::Early | Placing::Upwards => {}
         }
         let part = to.since(from).nanos() / (order.len() as u64 + 1);

@@ -187,7 +187,7 @@ fn minutes(default: u64) -> Span {
 fn the_same_program_has_no_difference() {
     let (_folder, subject) = subject(PROGRAM);
     let mut rack = Played::new(&subject, &subject, 7, true);
-    let (differences, counts) = found(&subject, &mut rack, minutes(20));
+    let (differences, counts) = found(&subject, &mut rack, minutes(10));
     let told = differences.iter().map(|found| (&subject.cells[found.cell].item.name, found.since, &found.origins));
     assert!(differences.is_empty(), "{:#?}\n{counts:?}", told.collect::<Vec<_>>());
     assert!(counts.equal * 10 > counts.readings * 8, "most readings are judged: {counts:?}");
