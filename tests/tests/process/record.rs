@@ -191,8 +191,8 @@ fn the_lines_are_on_the_same_axis() {
     let done =
         ended.iter().filter(|order| order[2].as_str().is_some_and(|text| text.ends_with(": order done"))).count();
     let counted = table["DB20.DONE"].last().expect("rows") - table["DB20.DONE"][0];
-    // One may be under way at either end, and one was when the driver died; then nobody listens for a while.
-    assert!((counted - done as i64) <= 12 && done > 5, "{done} of {counted}");
+    // When the driver has died nobody listens until the new one does, and the cable goes on.
+    assert!(done as i64 <= counted + 1 && done > 5, "{done} of {counted}");
     let out = tracks["cp line / out"]["slices"].as_array().expect("telegrams").len();
     let names = |track: &str| -> Vec<String> {
         let instants = tracks[track]["instants"].as_array().expect("instants");

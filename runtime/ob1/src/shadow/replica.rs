@@ -207,7 +207,7 @@ impl Replica {
         self.run_until(subject, whole.at, Span::ZERO);
         self.inputs.clone_from(&whole.inputs);
         self.write_inputs(subject);
-        self.load_memory(whole);
+        self.load_memory(subject, whole);
         for (number, time) in &whole.timers {
             let kind = subject.kinds.get(number).copied().unwrap_or(ob1_model::TimerKind::OnDelay);
             self.bench.cpu.adopt_timer(*number, kind, *time);
@@ -216,12 +216,12 @@ impl Replica {
         for (number, _) in whole.timers.iter().filter(|(_, time)| time & 0x0FFF == 0) {
             self.bench.cpu.elapse_timer(*number);
         }
-        self.load_memory(whole);
+        self.load_memory(subject, whole);
         self.log.clear();
         self.note(subject, Span::ZERO);
     }
 
-    fn load_memory(&mut self, whole: &Whole) {
+    fn load_memory(&mut self, subject: &Subject, whole: &Whole) {
         let cpu = &mut self.bench.cpu;
         let mut bytes = |cell: &dyn Fn(u32) -> Cell, bytes: &[u8]| {
             for (byte, value) in (0u32..).zip(bytes) {
@@ -232,6 +232,12 @@ impl Replica {
         bytes(&|bit| Cell::Area(Area::Memory, bit), &whole.memory);
         for (number, data) in &whole.data {
             bytes(&|bit| Cell::Db(*number, bit), data);
+        }
+        // Latches may lie in outputs.
+        for (watched, value) in subject.cells.iter().zip(&whole.values) {
+            if let (Cell::Area(Area::Output, _), Some(value)) = (watched.item.cell, value) {
+                let _ = cpu.write(watched.item.cell, watched.item.width, *value);
+            }
         }
         for (number, count) in &whole.counters {
             let _ = self.bench.cpu.write(Cell::Counter(*number), Width::Word, u32::from(*count));
