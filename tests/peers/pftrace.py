@@ -38,9 +38,13 @@ def unknown(message):
 
 
 def read(path):
-    trace = perfetto.Trace()
     with open(path, "rb") as file:
-        trace.ParseFromString(file.read())
+        return judge(file.read())
+
+
+def judge(octets):
+    trace = perfetto.Trace()
+    trace.ParseFromString(octets)
     refuse(unknown(trace), "fields that Perfetto does not know")
     tracks, names, notes = {}, {}, {}
     sequences, clocks, last, cleared = set(), {}, 0, False
@@ -103,5 +107,79 @@ def read(path):
             "tracks": {" / ".join(track["path"]): track for track in tracks.values()}}
 
 
-if __name__ == "__main__":
+def example():
+    """A counter, a slice and an instant, as the rules want them."""
+    trace = perfetto.Trace()
+
+    def packet(flags=NEEDS):
+        new = trace.packet.add()
+        new.trusted_packet_sequence_id, new.sequence_flags = 1, flags
+        return new
+
+    first = packet(CLEARED)
+    first.trace_packet_defaults.timestamp_clock_id = MONOTONIC
+    first.clock_snapshot.primary_trace_clock = MONOTONIC
+    for clock in (1, 3, 6):
+        first.clock_snapshot.clocks.add(clock_id=clock, timestamp=10)
+    for uuid, parent, name in [(1, 0, "station"), (2, 1, "scan"), (3, 1, "level")]:
+        track = packet().track_descriptor
+        track.uuid, track.name = uuid, name
+        if parent:
+            track.parent_uuid = parent
+        if name == "level":
+            track.counter.SetInParent()
+    kinds = perfetto.TrackEvent.Type
+    for time, uuid, kind in [(11, 2, "SLICE_BEGIN"), (12, 3, "COUNTER"), (13, 2, "INSTANT"), (14, 2, "SLICE_END")]:
+        new = packet()
+        new.timestamp = time
+        new.track_event.track_uuid, new.track_event.type = uuid, kinds.Value(f"TYPE_{kind}")
+        if kind == "COUNTER":
+            new.track_event.counter_value = 7
+        elif kind != "SLICE_END":
+            if time == 11:
+                new.interned_data.event_names.add(iid=1, name="OB 1")
+            new.track_event.name_iid = 1
+    return trace
+
+
+def selftest():
+    held = judge(example().SerializeToString())["tracks"]
+    assert held["scan"]["slices"] == [[11, 3, "OB 1", {}]], held
+    assert held["scan"]["instants"] == [[13, "OB 1", {}]] and held["level"]["values"] == [[12, 7]], held
+
+    def clock(trace):
+        trace.packet[0].clock_snapshot.primary_trace_clock = 1
+
+    def parent(trace):
+        trace.packet[2].track_descriptor.parent_uuid = 9
+
+    def order(trace):
+        trace.packet[5].timestamp = 10
+
+    def name(trace):
+        trace.packet[4].ClearField("interned_data")
+
+    def counter(trace):
+        trace.packet[5].track_event.track_uuid = 2
+
+    def sequence(trace):
+        trace.packet[6].trusted_packet_sequence_id = 2
+
+    def end(trace):
+        del trace.packet[-1]
+
+    for broken in (clock, parent, order, name, counter, sequence, end):
+        trace = example()
+        broken(trace)
+        try:
+            judge(trace.SerializeToString())
+        except SystemExit:
+            continue
+        raise AssertionError(f"not found: {broken.__name__}")
+    print("pftrace.py: self-test passed")
+
+
+if __name__ == "__main__" and sys.argv[1:] == ["--selftest"]:
+    selftest()
+elif __name__ == "__main__":
     json.dump(read(sys.argv[1]), sys.stdout)

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 
     let mut summary = Vec::new();
     if let Some(python) = &python {
-        summary.push(("partners", self_tests(python)?));
+        summary.push(("partners", self_tests(python, &surroundings)?));
     }
     let mut closing = Vec::new();
     for mut command in test_commands(&wish)? {
@@ -106,14 +106,17 @@ fn partners() -> Outcome<PathBuf> {
 }
 
 /// A faulty partner proves nothing: each script of `tests/peers` is first tested against itself.
-fn self_tests(python: &Path) -> Outcome<String> {
+fn self_tests(python: &Path, surroundings: &dyn Fn(&mut Command)) -> Outcome<String> {
     let folder = cargo::root().join("tests/peers");
     let entries = std::fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
     let mut scripts: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     scripts.retain(|path| path.extension().is_some_and(|end| end == "py"));
     scripts.sort();
     for script in &scripts {
-        shell::run(Command::new(python).arg(script).arg("--selftest"))?;
+        let mut test = Command::new(python);
+        test.arg(script).arg("--selftest");
+        surroundings(&mut test);
+        shell::run(&mut test)?;
     }
     Ok(format!("{} passed their self-tests", scripts.len()))
 }

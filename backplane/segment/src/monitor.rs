@@ -10,7 +10,7 @@ use crate::header;
 use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::Ordering;
-use crate::times::{self, OrderTimes, Spread, TimesAccount};
+use crate::times::{Spread, TimesAccount};
 use crate::words::{self, DriverState, Leds, ModemInputs, Reason};
 
 /// A view of one CP that does not disturb it. Every value is a single word, checked.
@@ -105,14 +105,6 @@ impl Monitor {
     /// drivers.
     pub fn buffer(&self) -> impl Iterator<Item = BufferEntry> {
         buffer::read(&self.cells().buffer)
-    }
-
-    /// Where the time of the last orders and telegrams went, as the driver says, newest first. [`Stage::Seen`] is not
-    /// in it.
-    ///
-    /// [`Stage::Seen`]: crate::Stage::Seen
-    pub fn order_times(&self) -> impl Iterator<Item = OrderTimes> {
-        times::newest(&self.cells().times)
     }
 
     /// How long the stages of orders and telegrams took, all so far; empty if the driver does not say it.

@@ -132,12 +132,6 @@ pub(crate) fn entry(cells: &TimesCells, number: u64) -> Option<OrderTimes> {
     (1..TIMES_SLOTS as u64).contains(&ahead).then(|| OrderTimes::from_words(words)).flatten()
 }
 
-/// The newest entries, newest first.
-pub(crate) fn newest(cells: &TimesCells) -> impl Iterator<Item = OrderTimes> {
-    let written = cells.written.load(Ordering::Acquire);
-    (1..=written.min(TIMES_SLOTS as u64 - 1)).map_while(move |back| entry(cells, written.wrapping_sub(back)))
-}
-
 /// A time that far after the beginning of a scan is nonsense of a driver: the entry does not wait for it.
 const SCAN_MOST: u64 = 60_000_000_000;
 
@@ -248,13 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn entries_come_back_newest_first() {
+    fn entries_come_back_as_long_as_the_ring_has_them() {
         let cells = TimesCells::default();
         for n in 0..40 {
             enter(&cells, order(1000 * n + 1, 1000 * n + 900));
         }
-        let posted: Vec<u64> = newest(&cells).filter_map(|times| times.at(Stage::Posted)).collect();
-        assert_eq!(posted, (25..40).rev().map(|n| 1000 * n + 1).collect::<Vec<_>>());
+        let posted: Vec<_> = (0..41).filter_map(|number| entry(&cells, number)?.at(Stage::Posted)).collect();
+        assert_eq!(posted, (25..40).map(|n| 1000 * n + 1).collect::<Vec<_>>());
     }
 
     #[test]
@@ -283,9 +277,8 @@ mod tests {
     fn nonsense_of_a_driver_is_no_entry_and_ends_the_reading() {
         let cells = TimesCells::default();
         cells.written.store(u64::MAX, Ordering::Relaxed);
-        assert_eq!(newest(&cells).count(), 0, "zeros are no entries");
         let (account, mut reader) = (TimesAccount::default(), TimesReader::default());
-        reader.take(&cells, (1, 2), &account, |_| panic!("nothing is there"));
+        reader.take(&cells, (1, 2), &account, |_| panic!("zeros are no entries"));
         assert_eq!(reader.read, u64::MAX);
     }
 }

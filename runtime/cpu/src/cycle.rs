@@ -32,9 +32,8 @@ impl Cpu {
         CycleEnd { next_deadline: end.next_deadline.saturating_add(self.machine.held), ..end }
     }
 
-    /// Makes the change of state that was requested, a start-up included; the first cycle is left to [`Cpu::cycle`].
-    /// For
-    /// whoever sets memory in between.
+    /// Makes the change of state that was requested, a start-up included, and leaves the first cycle to
+    /// [`Cpu::cycle`]: whoever replays a recording sets memory in between.
     pub fn change_state(&mut self, clock: &mut dyn Clock) {
         self.machine.hot.now = self.machine.hot.now.max(self.machine.time(clock));
         if let Some(command) = self.machine.wanted.take() {

@@ -129,13 +129,17 @@ impl<'s> Judge<'s> {
     /// The rack cannot be asked. The reading is lost, nothing else.
     pub(crate) fn take(&mut self, look: Look, rack: &mut dyn Rack) -> Result<Vec<Difference>, String> {
         self.counts.readings += 1;
-        let Some(last) = &self.last else { return self.take_over(&rack.whole()?).map(|()| Vec::new()) };
+        let Some(last) = &self.last else {
+            self.take_over(&rack.whole()?);
+            return Ok(Vec::new());
+        };
         let distance = look.at.since(last.at);
         if distance > SHORTEST_GAP && distance.nanos() > GAP * self.usual_distance().nanos() {
             self.counts.gaps += u64::from(!self.distances.is_empty());
             // The usual distance may have become another one.
             self.note_distance(distance);
-            return self.take_over(&rack.whole()?).map(|()| Vec::new());
+            self.take_over(&rack.whole()?);
+            return Ok(Vec::new());
         }
         self.note_distance(distance);
         self.advance(&look.inputs, look.clock, look.at);
@@ -169,7 +173,7 @@ impl<'s> Judge<'s> {
         let changes = changes(&self.subject.inputs, &last.inputs, inputs);
         let keep = Span::from_nanos(4 * self.allowance().nanos());
         for replica in &mut self.replicas {
-            replica.advance(self.subject, (&changes, inputs), (last.at, to), keep);
+            replica.advance(self.subject, &changes, (last.at, to), keep);
             if let (Some(byte), Some(value)) = (self.subject.clock_memory, clock) {
                 replica.set_clock_memory(byte, value);
             }
@@ -262,7 +266,7 @@ impl<'s> Judge<'s> {
             }
         }
         self.watch_closer(which);
-        self.take_over(&whole)?;
+        self.take_over(&whole);
         Ok(found)
     }
 
@@ -297,7 +301,7 @@ impl<'s> Judge<'s> {
         !self.replicas.iter().any(near)
     }
 
-    fn take_over(&mut self, whole: &Whole) -> Result<(), String> {
+    fn take_over(&mut self, whole: &Whole) {
         for replica in &mut self.replicas {
             replica.load(self.subject, whole);
         }
@@ -307,7 +311,11 @@ impl<'s> Judge<'s> {
         let at = whole.at.saturating_add(self.subject.cycle());
         self.hold = at.saturating_add(self.allowance());
         self.last = Some(Look { at, inputs: whole.inputs.clone(), ..Look::default() });
-        Ok(())
+    }
+
+    /// Why the station's program has stopped its CPU, if it has: then nothing can be compared.
+    pub(crate) fn halted(&self) -> Option<String> {
+        self.replicas.iter().find_map(|replica| replica.stopped(self.subject))
     }
 
     /// The compared cells: how often each differed, and whether the rack has it.

@@ -99,7 +99,7 @@ fn run(args: &ShadowArgs) -> Result<DiffExit, String> {
         None => None,
     };
     let end = args.time.map(|time| rack.now().saturating_add(time));
-    let mut is_lost = false;
+    let (mut is_lost, mut halted) = (false, None);
     while !ended.load(Ordering::SeqCst) && end.is_none_or(|end| rack.now() < end) {
         let due = rack.now().saturating_add(args.every);
         let found = match rack.look(&judge.wanted()) {
@@ -120,6 +120,10 @@ fn run(args: &ShadowArgs) -> Result<DiffExit, String> {
                     says!("{}", report.add(difference, &cpu));
                     report.write(args.report.as_deref(), &judge)?;
                 }
+                halted = judge.halted();
+                if halted.is_some() {
+                    break;
+                }
                 std::thread::sleep(Duration::from_nanos(due.since(rack.now()).nanos()));
             }
             Err(text) => {
@@ -133,5 +137,8 @@ fn run(args: &ShadowArgs) -> Result<DiffExit, String> {
     recording.as_mut().map_or(Ok(()), Recording::flush)?;
     report.write(args.report.as_deref(), &judge)?;
     says!("{}", report.text(&judge));
-    Ok(report.exit(&judge))
+    match halted {
+        Some(why) => Err(format!("the station has left RUN: {why}")),
+        None => Ok(report.exit(&judge)),
+    }
 }

@@ -2,6 +2,8 @@
 
 use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
+use ob1_model::bcd::from_bcd;
+use ob1_model::calendar::{DAYS_TO_1990, days_of};
 use ob1_s7::client::Observer;
 use ob1_s7::wire::{self, Address, DataType};
 use ob1_time::Instant;
@@ -148,7 +150,7 @@ fn value(read: &[Fetched], cell: Cell, width: Width) -> Option<u32> {
         let number = |len: usize| bytes.get(..len).map(|b| b.iter().fold(0, |n, byte| n << 8 | u32::from(*byte)));
         match (piece.area, width) {
             (wire::Area::Timers, _) => number(2),
-            (wire::Area::Counters, _) => number(2).map(|bcd| from_bcd(bcd as u16).into()),
+            (wire::Area::Counters, _) => number(2).and_then(from_bcd),
             (_, Width::Bit) => {
                 let (Cell::Area(_, bit) | Cell::Db(_, bit)) = cell else { return None };
                 Some(u32::from(bytes.first()? >> (bit % 8) & 1))
@@ -156,10 +158,6 @@ fn value(read: &[Fetched], cell: Cell, width: Width) -> Option<u32> {
             _ => number(usize::from(width.bits() / 8)),
         }
     })
-}
-
-const fn from_bcd(bcd: u16) -> u16 {
-    (bcd >> 8 & 15) * 100 + (bcd >> 4 & 15) * 10 + (bcd & 15)
 }
 
 /// A CPU on the network.
@@ -214,11 +212,9 @@ impl<'s> S7Rack<'s> {
     /// Nanoseconds since 1990 by the clock of the rack, at its time 0.
     pub(crate) fn date(&mut self) -> Result<u64, String> {
         let time = self.with(|device| device.clock().map_err(|error| error.0))?.map_err(|why| why.to_string())?;
-        let epoch = chrono::NaiveDate::from_ymd_opt(1990, 1, 1).and_then(|day| day.and_hms_opt(0, 0, 0));
-        let day = chrono::NaiveDate::from_ymd_opt(time.year.into(), time.month.into(), time.day.into());
-        let now = day.and_then(|day| day.and_hms_opt(time.hour.into(), time.minute.into(), time.second.into()));
-        let (Some(epoch), Some(now)) = (epoch, now) else { return Ok(0) };
-        Ok(u64::try_from((now - epoch).num_seconds()).unwrap_or(0) * 1_000_000_000)
+        let day = days_of(time.year.into(), time.month.into(), time.day.into()).unwrap_or(DAYS_TO_1990);
+        let seconds = (u64::from(time.hour) * 60 + u64::from(time.minute)) * 60 + u64::from(time.second);
+        Ok((u64::from(day.saturating_sub(DAYS_TO_1990)) * 86_400 + seconds) * 1_000_000_000)
     }
 
     /// What a reading has to bring besides the inputs.

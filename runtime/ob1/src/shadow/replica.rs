@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use ob1_cpu::{Cell, Command, Width};
+use ob1_cpu::{Cell, Command, OperatingState, Width};
 use ob1_model::Area;
 use ob1_time::{Instant, Span};
 
@@ -43,9 +43,10 @@ impl Placing {
 /// Something that changes at once: a bit, or a word of an analog module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Change {
-    /// Its byte, and the bits of it that change; all of them for a word.
+    /// Its byte, the bits of it that change, and what they become; a word changes as a whole.
     byte: u32,
     mask: u8,
+    to: [u8; 2],
     rises: bool,
     analog: bool,
 }
@@ -58,14 +59,16 @@ pub(crate) fn changes(ranges: &[Inputs], before: &[u8], after: &[u8]) -> Vec<Cha
         let (size, len) = (if range.analog { 2 } else { 1 }, range.bytes as usize);
         let of = |bytes: &'_ [u8]| bytes.get(at..at + len).unwrap_or_default().to_vec();
         for (index, (old, new)) in of(before).chunks(size).zip(of(after).chunks(size)).enumerate() {
-            let byte = range.first + (index * size) as u32;
+            let (byte, rises) = (range.first + (index * size) as u32, new > old);
             if range.analog {
-                changes.extend((old != new).then_some(Change { byte, mask: 0xFF, rises: new > old, analog: true }));
+                let to = new.first_chunk().copied().unwrap_or_default();
+                changes.extend((old != new).then_some(Change { byte, mask: u8::MAX, to, rises, analog: true }));
                 continue;
             }
             let [old, new] = [old, new].map(|bytes| bytes.first().copied().unwrap_or_default());
             let bits = (0..8).map(|bit| 1 << bit).filter(|mask| (old ^ new) & mask != 0);
-            changes.extend(bits.map(|mask| Change { byte, mask, rises: new & mask != 0, analog: false }));
+            let to = [new, 0];
+            changes.extend(bits.map(|mask| Change { byte, mask, to, rises: new & mask != 0, analog: false }));
         }
         at += len;
     }
@@ -78,22 +81,20 @@ pub(crate) struct Replica {
     placing: Placing,
     /// Values of all cells, at each time at which one has changed.
     log: VecDeque<(Instant, Vec<u32>)>,
-    inputs: Vec<u8>,
 }
 
 impl Replica {
     pub(crate) fn new(subject: &Subject, placing: Placing, date: u64) -> Result<Self, String> {
         let mut bench = subject.bench(date)?;
         bench.start(Command::Warm);
-        let bytes = subject.inputs.iter().map(|inputs| inputs.bytes as usize).sum();
-        Ok(Self { bench, placing, log: VecDeque::new(), inputs: vec![0; bytes] })
+        Ok(Self { bench, placing, log: VecDeque::new() })
     }
 
-    /// Scans until `to`, with the inputs that were read then; `changes` is what differs from those at `from`.
+    /// Scans until `to`, while the inputs change as they do from `from` on.
     pub(crate) fn advance(
         &mut self,
         subject: &Subject,
-        (changes, inputs): (&[Change], &[u8]),
+        changes: &[Change],
         (from, to): (Instant, Instant),
         keep: Span,
     ) {
@@ -119,38 +120,34 @@ impl Replica {
                 _ => from.saturating_add(Span::from_nanos(part * (index as u64 + 1))),
             };
             self.run_until(subject, at, keep);
-            self.change(subject, *change, inputs);
+            self.change(*change);
         }
         self.run_until(subject, to, keep);
     }
 
-    fn change(&mut self, subject: &Subject, change: Change, after: &[u8]) {
-        let mut at = 0;
+    fn change(&mut self, Change { byte, mask, to, analog, .. }: Change) {
+        let byte = byte as usize;
+        if analog {
+            return self.bench.write_input(byte, &to);
+        }
+        let old = self.bench.input(byte);
+        self.bench.write_input(byte, &[old & !mask | to[0] & mask]);
+    }
+
+    fn write_inputs(&mut self, subject: &Subject, inputs: &[u8]) {
+        let mut rest = inputs;
         for range in &subject.inputs {
-            let len = range.bytes as usize;
-            if let Some(index) = change.byte.checked_sub(range.first).filter(|index| *index < range.bytes) {
-                let first = at + index as usize;
-                let count = if change.analog { 2 } else { 1 };
-                for place in first..(first + count).min(at + len) {
-                    let new = after.get(place).copied().unwrap_or_default();
-                    if let Some(old) = self.inputs.get_mut(place) {
-                        *old = *old & !change.mask | new & change.mask;
-                    }
-                }
-                self.write_inputs(subject);
-                return;
-            }
-            at += len;
+            let (bytes, after) = rest.split_at_checked(range.bytes as usize).unwrap_or_default();
+            self.bench.write_input(range.first as usize, bytes);
+            rest = after;
         }
     }
 
-    fn write_inputs(&mut self, subject: &Subject) {
-        let mut at = 0;
-        for range in &subject.inputs {
-            let bytes = self.inputs.get(at..at + range.bytes as usize).unwrap_or_default();
-            self.bench.write_input(range.first as usize, bytes);
-            at += range.bytes as usize;
-        }
+    /// Why it has left RUN, if it has.
+    pub(crate) fn stopped(&self, subject: &Subject) -> Option<String> {
+        let cpu = &self.bench.cpu;
+        let entry = cpu.diagnostics().next().filter(|_| cpu.state() != OperatingState::Run)?;
+        Some(subject.told(entry))
     }
 
     fn run_until(&mut self, subject: &Subject, to: Instant, keep: Span) {
@@ -205,8 +202,7 @@ impl Replica {
     /// start it now; so one scan tells.
     pub(crate) fn load(&mut self, subject: &Subject, whole: &Whole) {
         self.run_until(subject, whole.at, Span::ZERO);
-        self.inputs.clone_from(&whole.inputs);
-        self.write_inputs(subject);
+        self.write_inputs(subject, &whole.inputs);
         self.load_memory(subject, whole);
         for (number, time) in &whole.timers {
             let kind = subject.kinds.get(number).copied().unwrap_or(ob1_model::TimerKind::OnDelay);

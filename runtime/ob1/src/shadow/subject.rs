@@ -5,9 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ob1_access::{Item, Names};
-use ob1_cpu::{Cell, CpuConfig, Width};
+use ob1_cpu::{Cell, CpuConfig, DiagEntry, Width};
 use ob1_ir::{Number, Op, Program};
 use ob1_model::{Area, TimerKind};
+use ob1_station::known::Places;
 use ob1_station::program::{self, Loaded};
 use ob1_station_file::finding::Finding;
 use ob1_station_file::{ModuleConfig, ModuleKind};
@@ -106,6 +107,11 @@ impl Subject {
         let config = CpuConfig { date_at_start: date, ..self.config.clone() };
         let told = |findings: Vec<Finding>| findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
         Bench::new(&self.name, config, &self.modules, &self.loaded).map_err(told)
+    }
+
+    /// An entry of the diagnostic buffer of a CPU with the program, with its place.
+    pub(crate) fn told(&self, entry: &DiagEntry) -> String {
+        Places::new(&self.loaded.program).told(entry)
     }
 
     /// Data blocks of the program: number and length.

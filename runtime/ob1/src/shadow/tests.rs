@@ -221,3 +221,19 @@ fn each_change_is_found_where_it_is() {
 fn network_of(line: u32) -> usize {
     PROGRAM.lines().take(line as usize).filter(|line| line.trim() == "NETWORK").count()
 }
+
+/// A program that stops its own CPU is told as such, and not as differences.
+#[test]
+fn a_program_that_stops_is_told() {
+    let (_folder, own) =
+        subject(&PROGRAM.replace("=     A 0.0;", "=     A 0.0;\n      SPBN  on;\n      CALL  SFC 46;\non:   NOP   0;"));
+    let (_folder, other) = subject(PROGRAM);
+    let mut rack = Played::new(&own, &other, 3, false);
+    let mut judge = Judge::new(&own, 0).expect("replicas");
+    let why = (0..2000).find_map(|_| {
+        let look = rack.look(&judge.wanted()).expect("it answers").expect("it runs");
+        let _ = judge.take(look, &mut rack).expect("it answers");
+        judge.halted()
+    });
+    assert!(why.as_ref().is_some_and(|why| why.contains("SFC 46")), "{why:?}");
+}

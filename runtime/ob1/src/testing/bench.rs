@@ -229,6 +229,11 @@ impl Bench {
         }
     }
 
+    /// A byte of the process inputs, as it was written last.
+    pub(crate) fn input(&self, byte: usize) -> u8 {
+        self.process.get(byte).copied().unwrap_or_default()
+    }
+
     pub(crate) fn write_input(&mut self, byte: usize, data: &[u8]) {
         self.field.write_inputs(byte, data);
         for (cell, value) in self.process.iter_mut().skip(byte).zip(data) {

@@ -133,7 +133,8 @@ impl Client {
     }
 }
 
-fn is_nothing(error: &io::Error) -> bool {
+/// Nothing can be read or written now; later it may.
+pub(crate) fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 

@@ -3,7 +3,7 @@
 
 mod by_word;
 pub mod client;
-mod clients;
+pub(crate) mod clients;
 mod control;
 pub mod debug;
 pub(crate) mod facts;

@@ -1,10 +1,12 @@
 //! Whoever asks for a recording over the socket: one line with the order, then the file as it grows.
 
-use std::io::{self, Read as _, Write as _};
+use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
 
 use ob1_record::Order;
+
+use crate::access::clients::is_nothing;
 
 /// Longest order, in bytes.
 const LONGEST: usize = 64 * 1024;
@@ -19,10 +21,6 @@ pub(super) struct Caller {
     stream: Option<UnixStream>,
     line: Vec<u8>,
     since: Instant,
-}
-
-fn is_nothing(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
 impl Caller {
