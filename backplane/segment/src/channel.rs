@@ -56,8 +56,14 @@ impl ChannelEnd {
     }
 
     /// Writes a block; true if it differs from the last one.
-    pub(crate) fn write(&mut self, cells: &ChannelsCells, channel: Channel, block: &ChannelBlock) -> bool {
-        self.writers[channel as usize].write(cell(cells, channel, self.writes), block)
+    pub(crate) fn write(
+        &mut self,
+        cells: &ChannelsCells,
+        channel: Channel,
+        block: &ChannelBlock,
+        before: impl FnOnce(),
+    ) -> bool {
+        self.writers[channel as usize].write(cell(cells, channel, self.writes), block, before)
     }
 
     /// Copies the block of the other side.

@@ -103,7 +103,6 @@ impl CpuSide {
     #[inline]
     fn changed(&mut self) {
         self.changes = self.changes.wrapping_add(1);
-        self.cells().times.posted.store(self.begun, Ordering::Relaxed);
         self.cells().outputs.changes.store(self.changes, Ordering::Release);
         self.bell_due = true;
     }
@@ -112,7 +111,9 @@ impl CpuSide {
     /// not reach keep their value, bytes beyond `io_bytes` are ignored.
     #[inline]
     pub fn write_outputs(&mut self, data: &[u8]) -> bool {
-        let changed = self.outputs.write(&self.monitor.cells().outputs.registers, data);
+        let (cells, begun) = (self.monitor.cells(), self.begun);
+        let posts = || cells.times.posted.store(begun, Ordering::Relaxed);
+        let changed = self.outputs.write(&cells.outputs.registers, data, posts);
         if changed {
             self.changed();
         }
@@ -201,7 +202,9 @@ impl CpuSide {
 
     /// Writes a block of a channel for the CP; true if it differs from the last one (if not, nothing is written).
     pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
-        let changed = self.channels.write(&self.monitor.cells().channels, channel, block);
+        let (cells, begun) = (self.monitor.cells(), self.begun);
+        let posts = || cells.times.posted.store(begun, Ordering::Relaxed);
+        let changed = self.channels.write(&cells.channels, channel, block, posts);
         if changed {
             self.changed();
         }

@@ -12,7 +12,7 @@ use crate::alarms::Alarms;
 use crate::context::Blocks;
 use crate::engine::{
     Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
-    writes_param,
+    mark_safe_points, writes_param,
 };
 use crate::force::Force;
 use crate::holding::Debugging;
@@ -107,7 +107,8 @@ impl Surroundings {
         let memory = Memory::new(config, &program.data, &constants.bytes, &arena).map_err(|error| vec![error])?;
         let keep = Keep::new(config, &program, &memory, &mut errors);
         let lowering = Lowering { config, memory: &memory, program, signatures: &signatures, constants: &constants };
-        let blocks = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
+        let mut blocks: Box<[_]> = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
+        mark_safe_points(&mut blocks);
         if !errors.is_empty() {
             return Err(errors);
         }

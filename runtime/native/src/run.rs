@@ -298,7 +298,7 @@ extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
     // code.
     unsafe {
         let (hot, code) = (&mut *(*run).hot, &*(*run).code);
-        let looks = hot.pending >= hot.look_after || is_due(hot);
+        let looks = looks_at_call(hot, &code.plan, block, statement);
         if let Some(frame) = code.frame(block, statement).filter(|frame| !looks && frame.fits(hot, &code.plan))
             && let Some(entry) = code.entry(frame.callee)
         {
@@ -307,8 +307,7 @@ extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
         }
     }
     guarded(run, |parts| {
-        let hot = parts.cx.hot();
-        if hot.pending >= hot.look_after || is_due(hot) {
+        if looks_at_call(parts.cx.hot(), &parts.code.plan, block, statement) {
             parts.cx.safe_point(Caller { block, statement: statement + 1 }, parts.regs)?;
         }
         make_call(parts.code, block, statement, parts.regs, parts.cx)
@@ -418,8 +417,7 @@ pub(crate) fn interpret<const PROBED: bool>(
                 Some(targets.get(index).copied().unwrap_or(*otherwise))
             }
             Op::Call(_) => {
-                let hot = cx.hot();
-                if hot.pending >= hot.look_after || is_due(hot) {
+                if looks_at_call(cx.hot(), &code.plan, block, at.statement) {
                     cx.safe_point(Caller { block, statement: pc as u32 }, r)?;
                 }
                 make_call(code, block, at.statement, r, cx)?;
@@ -439,11 +437,21 @@ pub(crate) fn interpret<const PROBED: bool>(
             let back = (target as usize) < pc;
             pc = target as usize;
             let hot = cx.hot();
-            if back && (hot.pending >= hot.look_after || is_due(hot)) {
+            if back && looks(hot) {
                 cx.safe_point(Caller { block, statement: target }, r)?;
             }
         }
     }
+}
+
+/// A safe point looks.
+fn looks(hot: &mut Hot) -> bool {
+    hot.pending >= hot.look_after || is_due(hot)
+}
+
+/// The call is a safe point, and it looks.
+fn looks_at_call(hot: &mut Hot, plan: &Plan, block: u32, statement: u32) -> bool {
+    looks(hot) && plan.blocks[block as usize].call(statement as usize).is_none_or(|call| call.safe_point)
 }
 
 /// Another thread wants the next safe point to look.

@@ -71,7 +71,7 @@ pub use plan::{
     AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Executed, Formal, InSource, InstanceIn,
     InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
 };
-pub(crate) use plan::{Constants, Lowering, collect, lower, writes_param};
+pub(crate) use plan::{Constants, Lowering, collect, lower, mark_safe_points, writes_param};
 pub use probe::{Entered, Slow, Watched};
 pub use reference::{ACCOUNTING, PLAIN, REFERENCE};
 pub(crate) use regs::Interrupted;

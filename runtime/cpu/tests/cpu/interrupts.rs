@@ -467,3 +467,25 @@ fn a_due_time_is_seen_at_the_first_safe_point_behind_it() {
         assert!((at(watchdog)..=at(watchdog) + Span::from_nanos(200)).contains(&excess), "{excess}");
     });
 }
+
+#[test]
+fn calls_of_short_blocks_hold_up_no_interrupt_for_long() {
+    on_each_engine(|| {
+        // 1,000 calls of a block of 9 statements, 100 ns each: there is a safe point every 256 statements at least.
+        let interval = Span::from_micros(40);
+        let calls = (0..1000).map(|_| call(fc(1), vec![])).collect();
+        let config = CpuConfig {
+            cyclic: vec![CyclicInterrupt::new(35, interval)],
+            watchdog: Span::ZERO,
+            ..CpuConfig::default()
+        };
+        let short = block(fc(1), Interface::default(), vec![Op::Nop; 8]);
+        let mut bench = start(config, vec![ob1(calls), short, organization(35, count(2))]);
+        for _ in 0..3 {
+            bench.run();
+        }
+        let figures = bench.ob_figures(35);
+        assert!(figures.runs > 60, "{}", figures.runs);
+        assert!(figures.lateness.max() <= Span::from_nanos(25_700), "{}", figures.lateness.max());
+    });
+}

@@ -27,6 +27,19 @@ pub(crate) const fn condition(compare: Compare) -> IntCC {
     }
 }
 
+/// A factor and a shift that divide 16 bits with their sign: `(x * factor >> shift) + (x < 0)` is `x / divisor`, rounded
+/// towards 0, and the product has 32 bits. Powers of two need no factor; the compiler shifts.
+///
+/// The factor is a little above `2^shift / divisor`. What that adds is less than `1 / divisor`, as `shift` is 15 bits of
+/// `x` more than the bits of the divisor.
+const fn reciprocal(divisor: i32) -> Option<(i32, u32)> {
+    if divisor < 3 || divisor > i16::MAX as i32 || divisor.count_ones() == 1 {
+        return None;
+    }
+    let shift = 15 + (i32::BITS - divisor.leading_zeros());
+    Some((((1i64 << shift) / divisor as i64 + 1) as i32, shift))
+}
+
 /// What an overflow sets.
 const OVERFLOW: flow::Set = flow::OV | flow::OS;
 
@@ -249,7 +262,10 @@ impl Translation<'_, '_> {
             }
             AccuOp::Div | AccuOp::Mod => {
                 let (zero, divisor) = self.divisor(y);
-                let quotient = self.b.ins().sdiv(x, divisor);
+                let quotient = match state::constant(&self.b, divisor).and_then(|c| reciprocal(c as i32)) {
+                    Some((factor, shift)) if zero.is_none() => self.times_reciprocal(x, factor, shift),
+                    _ => self.b.ins().sdiv(x, divisor),
+                };
                 let back = self.b.ins().imul(quotient, divisor);
                 let rest = self.b.ins().isub(x, back);
                 let sixteen = self.word(16);
@@ -265,6 +281,15 @@ impl Translation<'_, '_> {
                 self.divided(zero, made, quotient, ov);
             }
         }
+    }
+
+    /// The quotient of 16 bits with their sign, by a product of 32 bits.
+    fn times_reciprocal(&mut self, x: Value, factor: i32, shift: u32) -> Value {
+        let (factor, shift, sign) = (self.word(factor as u32), self.word(shift), self.word(31));
+        let product = self.b.ins().imul(x, factor);
+        let floor = self.b.ins().sshr(product, shift);
+        let below = self.b.ins().sshr(x, sign);
+        self.b.ins().isub(floor, below)
     }
 
     /// Whether the divisor is 0, unless that is known; and a divisor that is never 0.
@@ -513,5 +538,32 @@ impl Translation<'_, '_> {
         self.set_full(result);
         let ov = state::not(Bit::Val(good), &mut self.b);
         self.set_ov(ov);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::reciprocal;
+
+    #[test]
+    fn a_product_is_the_quotient_of_each_word() {
+        let mut divided = 0;
+        for divisor in 2..=i32::from(i16::MAX) {
+            let Some((factor, shift)) = reciprocal(divisor) else {
+                assert_eq!(divisor.count_ones(), 1, "{divisor}");
+                continue;
+            };
+            let near = |x: i32| (x - 1..=x + 1).chain(-x - 1..=1 - x);
+            let most = i32::from(i16::MAX) / divisor * divisor;
+            let all = if divisor < 300 || divisor % 997 == 0 { -32768..=32767 } else { 0..=-1 };
+            for x in all.chain(near(0)).chain(near(divisor)).chain(near(most)).chain(near(32767)) {
+                let x = x.clamp(-32768, 32767);
+                let product = x.checked_mul(factor).expect("32 bits");
+                assert_eq!((product >> shift) + i32::from(x < 0), x / divisor, "{x} / {divisor}");
+                divided += 1;
+            }
+        }
+        assert!(divided > 20_000_000, "{divided}");
+        assert_eq!([-7, -1, 0, 1, 2, 1024].map(reciprocal), [None; 6]);
     }
 }

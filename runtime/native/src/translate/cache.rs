@@ -1,17 +1,18 @@
-//! What memory at known places holds, while nobody else looks: values written there are used again without reading
-//! them, and several writes to one place become one.
+//! What memory holds, while nobody else looks: values written there are used again without reading them, and several
+//! writes to one place become one. Bytes of a word are taken from it, and a word is put together from its bytes: a
+//! processor that reads from memory what it has just written in other pieces waits until all of them have arrived.
 //!
-//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet, an access whose place is
-//! computed) everything is written.
+//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet) everything is written; before
+//! an access whose place is computed, whatever it can reach.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
-use cranelift_codegen::ir::{InstBuilder, Value, types};
+use cranelift_codegen::ir::{InstBuilder, Type, Value, types};
 use cranelift_frontend::Variable;
 
 use super::Translation;
-use super::operand::Spot;
+use super::operand::{Reach, Spot};
 
 /// Places whose value waits to be written, at most: more would only move to the stack.
 const WAITING: usize = 12;
@@ -23,13 +24,15 @@ const KNOWN: usize = 64;
 /// A place: its part, first byte, bytes.
 pub(crate) type Place = (Part, u32, u32);
 
-/// The part of the arena, in which places do not overlap those of the other.
+/// What the places of a part are counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Part {
     /// From the arena's first byte.
     Arena,
     /// From the first byte of the block's local data.
     Local,
+    /// From an address that was computed, and is used again.
+    At(Value),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +40,7 @@ struct Held {
     /// As wide as the place.
     value: Value,
     bytes: u32,
+    reach: Reach,
     /// Memory does not have it yet.
     waits: bool,
     /// When it was read or written.
@@ -51,12 +55,6 @@ pub(crate) struct Cache {
 }
 
 impl Cache {
-    /// Nothing is known; nothing waits.
-    pub(crate) fn forget(&mut self) {
-        debug_assert!(self.held.values().all(|held| !held.waits), "written before");
-        self.held.clear();
-    }
-
     /// Forgets all but what waits to be written and the `most` newest places. Returns the places that are left.
     fn keep(&mut self, most: usize) -> Vec<Place> {
         let mut ages: Vec<u64> = self.held.values().filter(|held| !held.waits).map(|held| held.age).collect();
@@ -66,9 +64,9 @@ impl Cache {
         self.held.iter().map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
-    /// Forgets the oldest place when there are too many.
+    /// Forgets the oldest places when there are too many.
     fn limit(&mut self) {
-        if self.held.len() > KNOWN
+        while self.held.len() > KNOWN
             && let Some(key) =
                 self.held.iter().filter(|(_, held)| !held.waits).min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
         {
@@ -76,24 +74,38 @@ impl Cache {
         }
     }
 
-    /// Places that share bytes with this one.
+    /// Places of one part that share bytes with this one, in order.
     fn overlapping(&self, part: Part, at: u32, bytes: u32) -> Vec<(Part, u32)> {
         let from = at.saturating_sub(3);
         let range = (part, from)..(part, at + bytes);
         let shares = |((_, first), held): &(&(Part, u32), &Held)| *first + held.bytes > at;
         self.held.range(range).filter(shares).map(|(key, _)| *key).collect()
     }
+
+    /// Places of other parts that may be those that an access reaches.
+    fn reached(&self, part: Option<Part>, reach: Reach) -> Vec<(Part, u32)> {
+        let other = |(key, held): &(&(Part, u32), &Held)| Some(key.0) != part && held.reach.meets(reach);
+        self.held.iter().filter(other).map(|(key, _)| *key).collect()
+    }
 }
 
 impl Translation<'_, '_> {
-    /// The part a place lies in, when it is known.
+    /// The part a place lies in. An address that is used once only is none.
     fn part(&self, spot: Spot) -> Option<Part> {
         if spot.base == self.arena {
             Some(Part::Arena)
         } else if spot.base == self.local {
             Some(Part::Local)
         } else {
-            None
+            spot.again.then_some(Part::At(spot.base))
+        }
+    }
+
+    fn base(&self, part: Part) -> Value {
+        match part {
+            Part::Arena => self.arena,
+            Part::Local => self.local,
+            Part::At(base) => base,
         }
     }
 
@@ -121,8 +133,7 @@ impl Translation<'_, '_> {
 
     /// What memory has at a place.
     pub(crate) fn load_place(&mut self, (part, at, bytes): Place) -> Value {
-        let base = if part == Part::Arena { self.arena } else { self.local };
-        self.load_arena(Spot { base, offset: at, bit: super::operand::BitAt::Known(0) }, bytes * 8)
+        self.load_arena(self.base(part), at, bytes)
     }
 
     /// Jumps meet before statement `pc`: the variables of its places get their values. Only places known on all paths
@@ -132,6 +143,7 @@ impl Translation<'_, '_> {
             return;
         }
         let mut cache = self.checked.cache.clone();
+        cache.held.retain(|key, _| !matches!(key.0, Part::At(_)));
         let sent = cache.keep(SENT);
         let all = match self.body.meeting[pc].take() {
             None => sent,
@@ -150,15 +162,16 @@ impl Translation<'_, '_> {
         for place in self.body.meeting[pc].clone().unwrap_or_default() {
             let var = self.variable(place);
             let value = self.b.use_var(var);
-            self.know(place, value);
+            let reach = self.fixed_reach(place.0, place.1, place.2);
+            self.know(place, value, false, reach);
         }
     }
 
-    /// Memory is known to have this value.
-    fn know(&mut self, (part, at, bytes): Place, value: Value) {
+    /// Memory is known to have this value, or is to get it.
+    fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
         let cache = &mut self.checked.cache;
         cache.turns += 1;
-        cache.held.insert((part, at), Held { value, bytes, waits: false, age: cache.turns });
+        cache.held.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns });
     }
 
     /// The variable of a place, for where jumps meet.
@@ -166,68 +179,153 @@ impl Translation<'_, '_> {
         if let Some(var) = self.places.get(&place) {
             return *var;
         }
-        let ty = match place.2 {
-            1 => types::I8,
-            2 => types::I16,
-            _ => types::I32,
-        };
-        let var = self.b.declare_var(ty);
+        let var = self.b.declare_var(integer(place.2));
         self.places.insert(place, var);
         var
+    }
+
+    /// What an access to a place of a part can reach.
+    fn fixed_reach(&self, part: Part, at: u32, bytes: u32) -> Reach {
+        match part {
+            Part::Local => Reach::Local,
+            _ => Reach::Bytes { from: at, to: at + bytes, data: !self.plan.areas.is_image(at) },
+        }
+    }
+
+    fn reach_of(&self, part: Option<Part>, spot: Spot, bytes: u32) -> Reach {
+        match part {
+            Some(part @ (Part::Arena | Part::Local)) => self.fixed_reach(part, spot.offset, bytes),
+            _ => spot.reach,
+        }
     }
 
     /// 8, 16 or 32 bits of memory.
     pub(crate) fn content(&mut self, spot: Spot, bits: u32) -> Value {
         let bytes = bits / 8;
-        let Some(part) = self.part(spot) else {
-            self.write_back();
-            return self.load_arena(spot, bits);
+        let part = self.part(spot);
+        let reach = self.reach_of(part, spot, bytes);
+        let Some(part) = part else {
+            self.write_reached(None, reach);
+            return self.load_arena(spot.base, spot.offset, bytes);
         };
         let key = (part, spot.offset);
         if let Some(held) = self.checked.cache.held.get(&key).filter(|held| held.bytes == bytes) {
             return held.value;
         }
+        if let Some(value) = self.within(part, spot.offset, bytes) {
+            return value;
+        }
+        if let Some((value, waits)) = self.put_together(part, spot.offset, bytes) {
+            self.know((part, spot.offset, bytes), value, waits, reach);
+            return value;
+        }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
             self.write_held(other);
             self.checked.cache.held.remove(&other);
         }
-        let value = self.load_arena(spot, bits);
-        self.checked.cache.turns += 1;
-        let age = self.checked.cache.turns;
-        self.checked.cache.held.insert(key, Held { value, bytes, waits: false, age });
+        self.write_reached(Some(part), reach);
+        let value = self.load_arena(spot.base, spot.offset, bytes);
+        self.know((part, spot.offset, bytes), value, false, reach);
         self.checked.cache.limit();
         value
+    }
+
+    /// A part of a value that is held.
+    fn within(&mut self, part: Part, at: u32, bytes: u32) -> Option<Value> {
+        let cache = &mut self.checked.cache;
+        let from = at.saturating_sub(3);
+        let covers = |((_, first), held): &(&(Part, u32), &mut Held)| first + held.bytes >= at + bytes;
+        let ((_, first), held) = cache.held.range_mut((part, from)..=(part, at)).find(covers)?;
+        cache.turns += 1;
+        held.age = cache.turns;
+        let (value, behind) = (held.value, first + held.bytes - at - bytes);
+        Some(self.cut_out(value, behind, bytes))
+    }
+
+    /// Bytes of a value, with so many behind them.
+    fn cut_out(&mut self, value: Value, behind: u32, bytes: u32) -> Value {
+        let ty = self.b.func.dfg.value_type(value);
+        let by = self.b.iconst(ty, i64::from(behind * 8));
+        let moved = if behind > 0 { self.b.ins().ushr(value, by) } else { value };
+        self.b.ins().ireduce(integer(bytes), moved)
+    }
+
+    /// A value from those of all its bytes, which are forgotten; and whether memory lacks any of them.
+    fn put_together(&mut self, part: Part, at: u32, bytes: u32) -> Option<(Value, bool)> {
+        let pieces = self.checked.cache.overlapping(part, at, bytes);
+        let mut end = at;
+        for key in &pieces {
+            if key.1 != end {
+                return None;
+            }
+            end += self.checked.cache.held[key].bytes;
+        }
+        if pieces.is_empty() || end != at + bytes {
+            return None;
+        }
+        let ty = integer(bytes);
+        let (mut whole, mut waits) = (None, false);
+        for key in pieces {
+            let held = self.checked.cache.held.remove(&key)?;
+            waits |= held.waits;
+            let wide = self.b.ins().uextend(ty, held.value);
+            let by = self.b.iconst(ty, i64::from((end - key.1 - held.bytes) * 8));
+            let moved = if end == key.1 + held.bytes { wide } else { self.b.ins().ishl(wide, by) };
+            whole = Some(whole.map_or(moved, |before| self.b.ins().bor(before, moved)));
+        }
+        Some((whole?, waits))
     }
 
     /// Memory holds `value` from here on.
     pub(crate) fn put_content(&mut self, spot: Spot, value: Value) {
         let bytes = self.b.func.dfg.value_type(value).bytes();
-        let Some(part) = self.part(spot) else {
-            self.write_back();
+        let part = self.part(spot);
+        let reach = self.reach_of(part, spot, bytes);
+        for other in self.checked.cache.reached(part, reach) {
+            self.write_held(other);
+            self.checked.cache.held.remove(&other);
+        }
+        let Some(part) = part else {
             self.store_arena(spot.base, spot.offset, value);
-            // It may lie anywhere.
-            self.checked.cache.forget();
             return;
         };
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
-            let held = self.checked.cache.held[&other];
-            let covered = other.1 >= spot.offset && other.1 + held.bytes <= spot.offset + bytes;
-            if !covered {
-                self.write_held(other);
-            }
-            self.checked.cache.held.remove(&other);
+            self.cut_off(other, spot.offset, spot.offset + bytes);
         }
-        let cache = &mut self.checked.cache;
-        cache.turns += 1;
-        let age = cache.turns;
-        cache.held.insert((part, spot.offset), Held { value, bytes, waits: true, age });
-        let waiting = cache.held.iter().filter(|(_, held)| held.waits);
-        if waiting.clone().count() > WAITING
-            && let Some(key) = waiting.min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
-        {
+        self.know((part, spot.offset, bytes), value, true, reach);
+        let waiting = self.checked.cache.held.iter().filter(|(_, held)| held.waits);
+        let over = waiting.clone().count().saturating_sub(WAITING);
+        let mut waiting: Vec<_> = waiting.map(|(key, held)| (held.age, *key)).collect();
+        waiting.sort_unstable();
+        for (_, key) in waiting.into_iter().take(over) {
             self.write_held(key);
         }
         self.checked.cache.limit();
+    }
+
+    /// Of a value that is held only the bytes outside of a range are left, each part of them as a value of its own.
+    fn cut_off(&mut self, key: (Part, u32), from: u32, to: u32) {
+        let Some(held) = self.checked.cache.held.remove(&key) else { return };
+        let end = key.1 + held.bytes;
+        for (mut at, to) in [(key.1, from.min(end)), (to.max(key.1), end)] {
+            while at < to {
+                let bytes = if to - at >= 2 { 2 } else { 1 };
+                let value = self.cut_out(held.value, end - at - bytes, bytes);
+                let reach = match key.0 {
+                    Part::At(_) => held.reach,
+                    part => self.fixed_reach(part, at, bytes),
+                };
+                self.know((key.0, at, bytes), value, held.waits, reach);
+                at += bytes;
+            }
+        }
+    }
+
+    /// Writes what waits in other parts and may lie where an access reaches.
+    fn write_reached(&mut self, part: Option<Part>, reach: Reach) {
+        for key in self.checked.cache.reached(part, reach) {
+            self.write_held(key);
+        }
     }
 
     /// Writes what waits to be written.
@@ -243,19 +341,13 @@ impl Translation<'_, '_> {
         let Some(held) = self.checked.cache.held.get_mut(&key).filter(|held| held.waits) else { return };
         held.waits = false;
         let value = held.value;
-        let base = if key.0 == Part::Arena { self.arena } else { self.local };
-        self.store_arena(base, key.1, value);
+        self.store_arena(self.base(key.0), key.1, value);
     }
 
-    fn load_arena(&mut self, spot: Spot, bits: u32) -> Value {
+    fn load_arena(&mut self, base: Value, offset: u32, bytes: u32) -> Value {
         let flags = self.arena_flags();
-        let ty = match bits {
-            8 => types::I8,
-            16 => types::I16,
-            _ => types::I32,
-        };
-        let value = self.b.ins().load(ty, flags, spot.base, spot.offset as i32);
-        if bits == 8 { value } else { self.b.ins().bswap(value) }
+        let value = self.b.ins().load(integer(bytes), flags, base, offset as i32);
+        if bytes == 1 { value } else { self.b.ins().bswap(value) }
     }
 
     fn store_arena(&mut self, base: Value, offset: u32, value: Value) {
@@ -263,5 +355,14 @@ impl Translation<'_, '_> {
         let wide = self.b.func.dfg.value_type(value) != types::I8;
         let value = if wide { self.b.ins().bswap(value) } else { value };
         self.b.ins().store(flags, value, base, offset as i32);
+    }
+}
+
+/// The type of an integer of 1, 2 or 4 bytes.
+const fn integer(bytes: u32) -> Type {
+    match bytes {
+        1 => types::I8,
+        2 => types::I16,
+        _ => types::I32,
     }
 }

@@ -33,7 +33,9 @@ impl Translation<'_, '_> {
         let Op::Call { call: index } = self.body.ops[pc] else { return };
         let call = &plan.blocks[self.block as usize].calls[index as usize];
         let Some((callee, Some(instance))) = inline::simple(plan, call) else { return };
-        self.safe_point(pc + 1, self.body.live[pc]);
+        if call.safe_point {
+            self.safe_point(pc + 1, self.body.live[pc]);
+        }
         self.tell_count();
         self.take_count();
         let local_len = plan.blocks[callee as usize].local_len;

@@ -62,8 +62,10 @@ impl Translation<'_, '_> {
         let call = &plan.blocks[self.block as usize].calls[index as usize];
         let Some((callee, instance)) = candidate(plan, call) else { return false };
         self.now.uncounted = self.now.uncounted.wrapping_add(1);
-        // Keeping registers alive for the stacks makes a program of many small calls 5 % slower.
-        self.safe_point(pc + 1, 0);
+        if call.safe_point {
+            // Keeping registers alive for the stacks makes a program of many small calls 5 % slower.
+            self.safe_point(pc + 1, 0);
+        }
         let base = plan.blocks[self.block as usize].local_len;
         let refs = references(call);
         if let Some(db) = instance {
@@ -165,5 +167,5 @@ impl Translation<'_, '_> {
 }
 
 const fn spot(base: Value, bit: u32) -> Spot {
-    Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) }
+    Spot::fixed(base, bit / 8, BitAt::Known((bit % 8) as u8))
 }

@@ -109,6 +109,8 @@ pub(crate) struct Checked {
     pub(crate) di: [u32; 2],
     /// First byte, length and writable length in the registers DB and DI, as memory has them.
     pub(crate) data: [[Option<Value>; 3]; 2],
+    /// Their addresses.
+    pub(crate) bases: [Option<Value>; 2],
     /// The instance's first byte.
     pub(crate) instance: Option<Value>,
     /// References to actual parameters.

@@ -8,7 +8,7 @@ use ob1_ir::{AddressRegister, Place, Pointer};
 use ob1_model::Area;
 
 use super::Translation;
-use super::state::{Data, Reg};
+use super::state::{Data, Reg, constant};
 use crate::inline::Reference;
 use crate::place;
 
@@ -21,6 +21,45 @@ pub(crate) struct Spot {
     pub(crate) base: Value,
     pub(crate) offset: u32,
     pub(crate) bit: BitAt,
+    /// What an access by a computed base can reach.
+    pub(crate) reach: Reach,
+    /// Other accesses by this computed base follow.
+    pub(crate) again: bool,
+}
+
+/// What an access can reach.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// The block's own local data.
+    Local,
+    /// Bytes of the arena, which are or may be those of data blocks.
+    Bytes {
+        from: u32,
+        to: u32,
+        data: bool,
+    },
+    /// Any data block.
+    Data,
+    Anything,
+}
+
+impl Reach {
+    /// Two accesses may be to the same bytes.
+    pub(crate) const fn meets(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Anything, _) | (_, Self::Anything) | (Self::Local, Self::Local) | (Self::Data, Self::Data) => true,
+            (Self::Local, _) | (_, Self::Local) => false,
+            (Self::Bytes { data, .. }, Self::Data) | (Self::Data, Self::Bytes { data, .. }) => data,
+            (Self::Bytes { from, to, .. }, Self::Bytes { from: first, to: last, .. }) => from < last && first < to,
+        }
+    }
+}
+
+impl Spot {
+    /// At a known place of the arena or of the local data.
+    pub(crate) const fn fixed(base: Value, offset: u32, bit: BitAt) -> Self {
+        Self { base, offset, bit, reach: Reach::Anything, again: false }
+    }
 }
 
 /// The place of a bit in its byte.
@@ -77,7 +116,7 @@ impl Translation<'_, '_> {
         match area {
             Area::Local => {
                 let offset = at / 8 + self.body.inlined.as_ref().map_or(0, |inlined| inlined.local);
-                Spot { base: self.local, offset, bit }
+                Spot::fixed(self.local, offset, bit)
             }
             Area::Db => self.in_data(Which::Db, at, bits, write, pc),
             Area::Di => self.in_data(Which::Di, at, bits, write, pc),
@@ -90,7 +129,7 @@ impl Translation<'_, '_> {
                         0
                     }
                 };
-                Spot { base: self.arena, offset, bit }
+                Spot::fixed(self.arena, offset, bit)
             }
         }
     }
@@ -123,6 +162,7 @@ impl Translation<'_, '_> {
         *checked = [0; 2];
         self.now.saved[which as usize] = false;
         self.checked.data[which as usize] = [None; 3];
+        self.checked.bases[which as usize] = None;
         if which == Which::Di {
             self.checked.instance = None;
         }
@@ -136,9 +176,9 @@ impl Translation<'_, '_> {
         if let Data::Known(db) = data {
             if end > if write { db.writable } else { db.len } {
                 self.never(pc);
-                return Spot { base: self.arena, offset: 0, bit };
+                return Spot::fixed(self.arena, 0, bit);
             }
-            return Spot { base: self.arena, offset: db.at.0 + at / 8, bit };
+            return Spot::fixed(self.arena, db.at.0 + at / 8, bit);
         }
         let how = usize::from(write);
         let known = match which {
@@ -158,9 +198,15 @@ impl Translation<'_, '_> {
             checked[how] = checked[how].max(end);
             checked[0] = checked[0].max(end);
         }
-        let first = self.data_part(which, 0);
-        let base = self.arena_at(first);
-        Spot { base, offset: at / 8, bit }
+        let base = match self.checked.bases[which as usize] {
+            Some(base) => base,
+            None => {
+                let first = self.data_part(which, 0);
+                self.arena_at(first)
+            }
+        };
+        self.checked.bases[which as usize] = Some(base);
+        Spot { base, offset: at / 8, bit, reach: Reach::Data, again: true }
     }
 
     /// First byte (0), length (1) or writable length (2) of a data block register, as memory has it.
@@ -189,7 +235,7 @@ impl Translation<'_, '_> {
                 Some(Reference::Arena(bit)) => (self.arena, bit + at),
                 None => (self.arena, 0),
             };
-            return Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
+            return Spot::fixed(base, bit / 8, BitAt::Known((bit % 8) as u8));
         }
         let mut param = self.reference(index, pc);
         if at > 0 {
@@ -205,7 +251,7 @@ impl Translation<'_, '_> {
             self.leave_if(outside, pc);
             if bits == 1 {
                 let base = self.arena_at(byte);
-                return Spot { base, offset: 0, bit: BitAt::Computed(first) };
+                return Spot { base, offset: 0, bit: BitAt::Computed(first), reach: Reach::Anything, again: false };
             }
         }
         let base = match param.base {
@@ -219,7 +265,7 @@ impl Translation<'_, '_> {
             }
         };
         let bit = if bits == 1 { BitAt::Computed(param.reference) } else { BitAt::Known(0) };
-        Spot { base, offset: at / 8, bit }
+        Spot { base, offset: at / 8, bit, reach: Reach::Anything, again: true }
     }
 
     /// The reference to an actual parameter; pointers are left to the reference engine.
@@ -249,11 +295,12 @@ impl Translation<'_, '_> {
     fn instance(&mut self, at: u32, bits: u32, pc: usize) -> Spot {
         let bit = BitAt::Known((at % 8) as u8);
         if let Some(first) = self.body.inlined.as_ref().and_then(|inlined| inlined.instance) {
-            return Spot { base: self.arena, offset: first + at / 8, bit };
+            return Spot::fixed(self.arena, first + at / 8, bit);
         }
         debug_assert!(at / 8 + bits.div_ceil(8) <= self.body.instance_bytes, "verified");
+        let spot = |base| Spot { base, offset: at / 8, bit, reach: Reach::Data, again: true };
         if let Some(base) = self.checked.instance {
-            return Spot { base, offset: at / 8, bit };
+            return spot(base);
         }
         let ar2 = self.address(1);
         let mask = self.word(POINTER_BITS);
@@ -273,7 +320,7 @@ impl Translation<'_, '_> {
         let byte = self.b.ins().iadd(first, byte);
         let base = self.arena_at(byte);
         self.checked.instance = Some(base);
-        Spot { base, offset: at / 8, bit }
+        spot(base)
     }
 
     /// First byte and length of an opened data block.
@@ -355,26 +402,44 @@ impl Translation<'_, '_> {
     /// A place at a computed bit address of an area.
     fn computed(&mut self, area: Area, at: Value, bits: u32, write: bool, pc: usize) -> Spot {
         let (first, length) = self.area_values(area, write);
-        self.bounded(first, length, at, bits, pc)
+        let reach = match (area, constant(&self.b, first), constant(&self.b, length)) {
+            (Area::Local, ..) => Reach::Anything,
+            (_, Some(first), Some(length)) => {
+                let (from, to) = (first as u32, first as u32 + length as u32);
+                Reach::Bytes { from, to, data: matches!(area, Area::Db | Area::Di) }
+            }
+            _ => Reach::Data,
+        };
+        Spot { reach, ..self.bounded(first, length, at, bits, pc) }
     }
 
+    /// A place at bit `at` of an area; `at` has no bits but [`POINTER_BITS`].
     fn bounded(&mut self, first: Value, length: Value, at: Value, bits: u32, pc: usize) -> Spot {
         let three = self.word(3);
-        let byte = self.b.ins().ushr(at, three);
-        let width = self.word(bits.div_ceil(8));
-        let end = self.b.ins().iadd(byte, width);
-        let mut bad = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
-        if bits > 1 {
-            let (seven, zero) = (self.word(7), self.word(0));
-            let bit = self.b.ins().band(at, seven);
-            let odd = self.b.ins().icmp(IntCC::NotEqual, bit, zero);
-            bad = self.b.ins().bor(bad, odd);
-        }
+        // A pointer that does not point to a byte becomes so large that it is outside.
+        let byte = if bits > 1 { self.b.ins().rotr(at, three) } else { self.b.ins().ushr(at, three) };
+        let width = bits.div_ceil(8);
+        let bad = match constant(&self.b, length) {
+            Some(length) if length as u32 >= width => {
+                let last = self.word(length as u32 - width);
+                self.b.ins().icmp(IntCC::UnsignedGreaterThan, byte, last)
+            }
+            _ => {
+                let width = self.word(width);
+                let end = self.b.ins().iadd(byte, width);
+                self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length)
+            }
+        };
         self.leave_if(bad, pc);
-        let byte = self.b.ins().iadd(first, byte);
-        let base = self.arena_at(byte);
+        let (base, offset) = match constant(&self.b, first) {
+            Some(first) => (self.arena_at(byte), first as u32),
+            None => {
+                let byte = self.b.ins().iadd(first, byte);
+                (self.arena_at(byte), 0)
+            }
+        };
         let bit = if bits > 1 { BitAt::Known(0) } else { BitAt::Computed(at) };
-        Spot { base, offset: 0, bit }
+        Spot { base, offset, bit, reach: Reach::Anything, again: false }
     }
 
     /// An area-crossing pointer: the areas programs use; the others are left to the reference.

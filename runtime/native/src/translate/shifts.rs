@@ -19,8 +19,8 @@ impl Translation<'_, '_> {
         // The result, and a value whose bit 0 was shifted out last.
         let (result, out) = match kind {
             Shift::LeftWord => {
+                // What lies above the low word moves up and out.
                 let low = self.accu_low(0);
-                let low = mask16(self, low);
                 if n > 16 {
                     (self.word(0), self.word(0))
                 } else {

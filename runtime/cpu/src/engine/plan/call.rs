@@ -179,6 +179,8 @@ pub struct Call {
     pub given: u64,
     /// Something is to be copied back.
     pub copies_out: bool,
+    /// The clock may be looked at before it.
+    pub safe_point: bool,
     /// The statement of the call, as [`ScanPosition`](crate::ScanPosition) keep it.
     pub(crate) site: Packed,
 }

@@ -59,6 +59,7 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
         outs: Box::default(),
         given: 0,
         copies_out: false,
+        safe_point: true,
         site: Packed::of(site),
     };
     let id = match call.target {

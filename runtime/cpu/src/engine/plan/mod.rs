@@ -7,6 +7,7 @@ mod lower;
 mod lower_call;
 mod lowering;
 mod op;
+mod safe_points;
 mod signature;
 
 use ob1_ir::Stmt;
@@ -20,6 +21,7 @@ pub(crate) use lower::{lower, writes_param};
 pub(crate) use lower_call::collect;
 pub(crate) use lowering::{Constants, Lowering};
 pub use op::{AREA_IN_POINTER, Base, Op, Scan};
+pub(crate) use safe_points::mark as mark_safe_points;
 pub use signature::{Formal, Signature, Signatures};
 
 /// A loaded block, found without its number.
@@ -57,6 +59,14 @@ pub struct Areas {
     pub constants: Range,
 }
 
+impl Areas {
+    /// The byte of the arena is one of the process images or of bit memory.
+    pub fn is_image(&self, at: u32) -> bool {
+        let within = |range: &Range| (range.at.0..range.at.0 + range.len).contains(&at);
+        [&self.inputs, &self.outputs, &self.memory].into_iter().any(within)
+    }
+}
+
 /// A block, ready to run.
 #[derive(Clone, Debug)]
 pub struct Block {
@@ -82,6 +92,15 @@ impl Block {
     pub fn site(&self, statement: usize) -> Site {
         let stmt = self.stmts.get(statement);
         Site { block: self.id, network: stmt.map_or(0, |s| s.network), line: stmt.map_or(0, |s| s.line) }
+    }
+
+    /// The call at a statement, if it is one.
+    #[must_use]
+    pub fn call(&self, statement: usize) -> Option<&Call> {
+        match self.ops.get(statement)? {
+            Op::Call { call } | Op::CallNative { call, .. } => self.calls.get(*call as usize),
+            _ => None,
+        }
     }
 }
 

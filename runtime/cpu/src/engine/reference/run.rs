@@ -351,8 +351,10 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 Op::Call { call: index } => {
                     count!();
                     from = pc;
-                    attend!();
                     let call = &code.calls[index as usize];
+                    if call.safe_point {
+                        attend!();
+                    }
                     let tops = Tops::of(cx.machine);
                     match call::prepare(call, &mut r, cx.machine, &runtime.plan.signatures) {
                         Err(fault) => {
