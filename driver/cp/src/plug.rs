@@ -100,7 +100,7 @@ impl SegmentEnd {
     /// Where the time of orders and telegrams goes.
     fn account(&mut self, now: Instant, event: &CpEvent<'_>) {
         let ended = match event {
-            CpEvent::Startup { .. } | CpEvent::Working => {
+            CpEvent::Startup { .. } => {
                 self.times.forget();
                 None
             }
