@@ -68,6 +68,10 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     if let Some(("gate", rest)) = args.split_first().map(|(name, rest)| (name.as_str(), rest)) {
         return siege::loads(rest);
     }
+    if args.first().is_some_and(|name| name == "counts") {
+        needs::satisfy(&[needs::VALGRIND])?;
+        return simulation("bench", &[], &[args, &["--debug".to_owned()]].concat());
+    }
     let beside = ["stl", "line", "io", "s7"];
     let python =
         if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };

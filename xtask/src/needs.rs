@@ -79,6 +79,9 @@ pub(crate) const MOSQUITTO: Need = Need {
 pub(crate) const TSHARK: Need =
     Need { what: "tshark, the dissectors of Wireshark", packages: &["tshark"], here: || on_path("tshark") };
 
+/// Counts instructions.
+pub(crate) const VALGRIND: Need = Need { what: "valgrind", packages: &["valgrind"], here: || on_path("valgrind") };
+
 /// Makes images of containers, without a daemon.
 pub(crate) const BUILDAH: Need =
     Need { what: "buildah", packages: &["buildah", "uidmap"], here: || on_path("buildah") && on_path("newuidmap") };

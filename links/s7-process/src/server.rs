@@ -70,6 +70,8 @@ pub(crate) struct Server {
 /// The result of a wait.
 #[derive(Default)]
 struct Ready {
+    /// The door has something to read, or takes more.
+    door: bool,
     accept: Vec<usize>,
     /// Sessions, and whether their connection is broken.
     read: Vec<(usize, bool)>,
@@ -106,16 +108,20 @@ impl Server {
 
     /// Runs until SIGTERM, or until the door is closed.
     pub(crate) fn run(&mut self) -> Result<(), DoorError> {
+        let mut speaks = true;
         while !self.terminate.load(Ordering::Relaxed) {
             let now = Instant::now();
             self.times(now);
-            self.door.pump()?;
+            if speaks {
+                self.door.pump()?;
+            }
             self.welcome();
             self.news(now);
             self.serve(now);
             // Requests made in between are sent before the wait.
-            self.door.pump()?;
+            self.door.flush()?;
             let ready = self.wait()?;
+            speaks = ready.door;
             let now = Instant::now();
             // Sessions come first: accepting may close one, and that moves others in the list.
             for (index, broken) in ready.read {
@@ -434,7 +440,7 @@ impl Server {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(std::io::Error::from(error).into()),
         }
-        let mut ready = Ready::default();
+        let mut ready = Ready { door: fds.first().is_some_and(|fd| !fd.revents().is_empty()), ..Ready::default() };
         let listeners = 1 + self.listeners.len();
         ready.rung = fds.get(sessions).is_some_and(|fd| !fd.revents().is_empty());
         ready.coupler = fds.iter().skip(sessions + 1).map(PollFd::revents).collect();

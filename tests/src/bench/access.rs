@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_access::door::{Door, Reading};
 use ob1_access::{Cell, Piece, Right};
 use ob1_broker::{Broker, LinkConfig, feed};
-use ob1_cpu::{Command, Cpu, CpuConfig};
+use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
 use ob1_socket::handover;
 use ob1_stl::{Library, Options, Source};
 use ob1_time::Instant;
@@ -37,33 +37,58 @@ pub fn figures() -> Result<Vec<Figure>, Failure> {
     ])
 }
 
-fn measure(what: &'static str, stride: usize, readers: usize) -> Result<Figure, Failure> {
-    let text = format!(
-        "DATA_BLOCK DB 7\nSTRUCT\n a : ARRAY[0..{}] OF DWORD;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
-         ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL MW 0; + 1; T MW 0;\nEND_ORGANIZATION_BLOCK\n",
-        BLOCK / 4 - 1
-    );
-    let source = Source { name: "bench.awl".into(), bytes: text.into_bytes() };
-    let output = ob1_stl::compile(&[source], &Library::new(), &Options::default());
-    let cpu = Cpu::new(CpuConfig::default(), &output.program, vec![], vec![], ob1_cpu::engine::REFERENCE);
-    let mut cpu = cpu.map_err(|errors| format!("the program does not load: {errors:?}"))?;
-    let link = LinkConfig { name: "bench".into(), rights: Right::Read, ..LinkConfig::default() };
-    let mut broker = Broker::new(&mut cpu, vec![link], feed().1, Box::new(Bare))?;
-    let (ours, theirs) = handover::pair()?;
-    broker.connect(0, ours, Instant::START);
-    let mut door = Door::new(theirs)?;
-    let at = |item: usize| Cell::Db(7, (item * stride * 8) as u32);
-    let pieces: Vec<Piece> = (0..ITEMS).map(|item| Piece::Bytes { at: at(item), len: BYTES as u32 }).collect();
-    let mut clock = ob1_rt::MonotonicClock::start();
-    cpu.request(Command::Warm);
-    let mut reading = Reading::new();
-    for _ in 0..100 {
-        cpu.cycle(&mut clock);
-        broker.step(clock.time());
-        door.pump()?;
-        let _ = door.read(&pieces, &mut reading);
+/// A CPU whose link has asked for [`ITEMS`] items of [`BYTES`] bytes.
+pub(super) struct Rig<C> {
+    cpu: Cpu,
+    broker: Broker,
+    door: Door,
+    pieces: Vec<Piece>,
+    reading: Reading,
+    clock: C,
+}
+
+impl<C: Clock> Rig<C> {
+    /// The items lie `stride` bytes apart.
+    pub(super) fn new(stride: usize, clock: C) -> Result<Self, Failure> {
+        let text = format!(
+            "DATA_BLOCK DB 7\nSTRUCT\n a : ARRAY[0..{}] OF DWORD;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
+             ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL MW 0; + 1; T MW 0;\nEND_ORGANIZATION_BLOCK\n",
+            BLOCK / 4 - 1
+        );
+        let source = Source { name: "bench.awl".into(), bytes: text.into_bytes() };
+        let output = ob1_stl::compile(&[source], &Library::new(), &Options::default());
+        let cpu = Cpu::new(CpuConfig::default(), &output.program, vec![], vec![], ob1_cpu::engine::REFERENCE);
+        let mut cpu = cpu.map_err(|errors| format!("the program does not load: {errors:?}"))?;
+        let link = LinkConfig { name: "bench".into(), rights: Right::Read, ..LinkConfig::default() };
+        let mut broker = Broker::new(&mut cpu, vec![link], feed().1, Box::new(Bare))?;
+        let (ours, theirs) = handover::pair()?;
+        broker.connect(0, ours, Instant::START);
+        let door = Door::new(theirs)?;
+        let at = |item: usize| Cell::Db(7, (item * stride * 8) as u32);
+        let pieces = (0..ITEMS).map(|item| Piece::Bytes { at: at(item), len: BYTES as u32 }).collect();
+        let mut rig = Self { cpu, broker, door, pieces, reading: Reading::new(), clock };
+        rig.cpu.request(Command::Warm);
+        for _ in 0..100 {
+            rig.cycle();
+            rig.broker.step(rig.clock.now());
+            rig.door.pump()?;
+            rig.read();
+        }
+        rig.door.read(&rig.pieces, &mut rig.reading)?;
+        Ok(rig)
     }
-    door.read(&pieces, &mut reading)?;
+
+    pub(super) fn cycle(&mut self) {
+        self.cpu.cycle(&mut self.clock);
+    }
+
+    pub(super) fn read(&mut self) {
+        let _ = self.door.read(&self.pieces, &mut self.reading);
+    }
+}
+
+fn measure(what: &'static str, stride: usize, readers: usize) -> Result<Figure, Failure> {
+    let Rig { mut cpu, broker, mut clock, door: _door, .. } = Rig::new(stride, ob1_rt::MonotonicClock::start())?;
     let before = cpu.accounts().figures();
     let (memory, mut copy) = (vec![7u8; BLOCK], vec![0u8; ITEMS * BYTES]);
     let mut bare = Vec::with_capacity(SCANS);

@@ -55,7 +55,7 @@ fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
 }
 
 /// Checks that the CPU is in RUN: a CPU in STOP is fast.
-fn running(cpu: &Cpu) -> Result<(), Failure> {
+pub(super) fn running(cpu: &Cpu) -> Result<(), Failure> {
     if cpu.state() == OperatingState::Run {
         return Ok(());
     }

@@ -8,6 +8,7 @@ pub mod alarms;
 pub mod backplane;
 pub mod causes;
 pub mod compile;
+pub mod counts;
 pub mod disturb;
 pub mod driver;
 pub mod engines;

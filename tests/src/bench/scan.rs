@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
+use ob1_cpu::engine::Factory;
 use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, ScanRecord, Sums};
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_host::plugin::Plugin;
@@ -26,7 +27,7 @@ const PARAMS: usize = 24;
 const PAIR_AIM: (&str, f64) = ("<= 2.5 x", 2.5);
 
 /// One `FC 0` and one `FC 1`, called as in the manual, with nothing to do.
-const PAIR: &str = "
+pub(super) const PAIR: &str = "
 CALL FC 1 (ADR := 256, _DB := DB11, ABD := W#16#14, ANZ := MW10, EMFR := M1.0, PAFE := MB12, GEEM := MW100,
   ANZ_INT := MW102, empf_laeuft := M1.1, letzter_block := M1.2, fehl_empf := M1.3);
 CALL FC 0 (ADR := 256, _DB := DB10, ABD := W#16#14, ANZ := MW14, FRG := M2.0, PAFE := MB16, GESE := MW104,
@@ -116,8 +117,7 @@ pub fn late_scan() -> Result<Figure, Failure> {
 /// # Errors
 /// If the plugin does not exist or the CPU cannot be built.
 pub fn idle_pair() -> Result<Figure, Failure> {
-    let plugin = std::env::var_os("OB1_PLUGIN_DIR").ok_or("OB1_PLUGIN_DIR is not set; run: cargo xtask bench")?;
-    let plugin = Plugin::load(&std::path::Path::new(&plugin).join("libob1_cp240.so"))?;
+    let plugin = cp240()?;
     let mut without = Station::build("", Some(&plugin))?;
     let mut with = Station::build(&PAIR.repeat(PAIRS), Some(&plugin))?;
     let mut bare = BarePair::new()?;
@@ -133,6 +133,12 @@ pub fn idle_pair() -> Result<Figure, Failure> {
         floor: Some(("their parameters moved, registers read", floor)),
         aim: (PAIR_AIM.0, pair <= PAIR_AIM.1 * floor),
     })
+}
+
+/// The handling blocks of the CP 240.
+pub(super) fn cp240() -> Result<Arc<Plugin>, Failure> {
+    let folder = std::env::var_os("OB1_PLUGIN_DIR").ok_or("OB1_PLUGIN_DIR is not set; run: cargo xtask bench")?;
+    Ok(Plugin::load(&std::path::Path::new(&folder).join("libob1_cp240.so"))?)
 }
 
 /// What a pair of blocks needs at least: each parameter is taken or given through a function pointer, as a plugin does
@@ -178,9 +184,9 @@ impl BarePair {
 }
 
 /// A CPU in RUN with one CP at address 256, cycled directly.
-struct Station {
+pub(super) struct Station<C = ob1_rt::MonotonicClock> {
     cpu: Cpu,
-    clock: ob1_rt::MonotonicClock,
+    clock: C,
     _cp: Option<CpSide>,
 }
 
@@ -191,6 +197,20 @@ impl Station {
     }
 
     fn build_with(statements: &str, plugin: Option<&Arc<Plugin>>, accounts: AccountsConfig) -> Result<Self, Failure> {
+        Self::build_on(ob1_cpu::engine::REFERENCE, statements, "", plugin, accounts, ob1_rt::MonotonicClock::start())
+    }
+}
+
+impl<C: Clock> Station<C> {
+    /// On an engine, and with further blocks.
+    pub(super) fn build_on(
+        engine: &dyn Factory,
+        statements: &str,
+        more: &str,
+        plugin: Option<&Arc<Plugin>>,
+        accounts: AccountsConfig,
+        clock: C,
+    ) -> Result<Self, Failure> {
         let mut library = Library::new();
         let mut natives = ob1_cpu::Natives::default();
         let mut modules: Vec<(ModuleSlot, Box<dyn Module>)> = Vec::new();
@@ -211,23 +231,32 @@ impl Station {
         let text = format!(
             "DATA_BLOCK DB 10\nSTRUCT\n x : ARRAY [0..299] OF BYTE;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n\
              DATA_BLOCK DB 11\nSTRUCT\n x : ARRAY [0..299] OF BYTE;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n\
-             ORGANIZATION_BLOCK OB 1\nBEGIN\n{statements}\nEND_ORGANIZATION_BLOCK\n"
+             {more}ORGANIZATION_BLOCK OB 1\nBEGIN\n{statements}\nEND_ORGANIZATION_BLOCK\n"
         );
         let sources = [Source::new("bench", text.into_bytes())];
         let output = ob1_stl::compile(&sources, &library, &Options::default());
         if !output.is_good() {
             return Err(ob1_stl::render_all(&output.diagnostics, &sources).into());
         }
-        let config = CpuConfig { watchdog: Span::ZERO, accounts, ..CpuConfig::default() };
-        let mut cpu = Cpu::new(config, &output.program, natives, modules, ob1_cpu::engine::REFERENCE)
+        let config = CpuConfig { watchdog: Span::ZERO, accounts, memory_bytes: 2048, ..CpuConfig::default() };
+        let mut cpu = Cpu::new(config, &output.program, natives, modules, engine)
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
-        let mut station = Self { cpu, clock: ob1_rt::MonotonicClock::start(), _cp: cp };
+        let mut station = Self { cpu, clock, _cp: cp };
         station.cycle();
         Ok(station)
     }
 
-    fn cycle(&mut self) {
+    /// A CPU in STOP is fast.
+    ///
+    /// # Errors
+    /// If it is not in RUN after a further scan.
+    pub(super) fn runs(&mut self) -> Result<(), Failure> {
+        self.cycle();
+        super::machine_code::running(&self.cpu)
+    }
+
+    pub(super) fn cycle(&mut self) {
         let _: Instant = self.cpu.cycle(&mut self.clock).next_deadline;
     }
 }

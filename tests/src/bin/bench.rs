@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, access, alarms, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code,
-    memory, record, s7, scan, stations, stl, wake, watch,
+    Figure, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, io, kill_runtime, line,
+    machine_code, memory, record, s7, scan, stations, stl, wake, watch,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -19,6 +19,7 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
          s7 [--rounds N] [--seconds S]: the S7 link beside a bare TCP echo and snap7's server (installed into .venv), and the
          scan with 64 clients beside it; N (9) rounds, three looks of S (6) seconds at the scan in each: 4 minutes
+         counts [--write]: instructions of statements, calls, scans, orders, readings beside those of tests/counts.txt (valgrind)
          alarms: a scan that makes messages, and the broker that tells four displays, beside the same without
          record: a scan with 64 signals recorded, beside the same without; an hour of scans in virtual time
         watch: a scan of 100,000 statements with program status, beside the same without: a minute
@@ -40,6 +41,9 @@ fn main() -> ExitCode {
         ["engines"] => engines::measure(),
         ["disturb", ref words @ ..] => disturbed(words),
         ["s7", ref words @ ..] => s7_link(words),
+        ["counts"] => counts::measure(false),
+        ["counts", "--write"] => counts::measure(true),
+        ["counts", "--counted"] => counts::counted().map(|()| true),
         ["watch"] => watch::measure().map(|figures| shown(&figures)),
         ["record"] => record::measure().map(|figures| shown(&figures)),
         ["alarms"] => alarms::measure().map(|figures| shown(&figures)),

@@ -15,7 +15,8 @@ use ob1_time::Span;
 
 use super::peer::Failure;
 use super::{Figure, median};
-use queue::{Bare, OfMachine, OfRk512, PAYLOAD, Side, char_time, payload, run};
+pub(super) use queue::ORDERS;
+use queue::{Bare, OfMachine, OfRk512, PAYLOAD, Side, char_time, drive, payload, run};
 
 const BAUDS: [u32; 2] = [9600, 115_200];
 /// Rounds for the processor time.
@@ -75,6 +76,11 @@ fn costs() -> Result<Vec<Figure>, Failure> {
         aim: ("", true),
     };
     Ok(times.into_iter().map(figure).collect())
+}
+
+/// Each protocol by its name, and its [`ORDERS`] on a good line.
+pub(super) fn orders() -> impl Iterator<Item = (&'static str, impl FnOnce() -> Result<(), Failure>)> {
+    cases(BAUDS[0]).into_iter().map(|case| (case.name, || drive(case.sides, BAUDS[0]).map(drop)))
 }
 
 fn cases(baud: u32) -> Vec<Case> {
