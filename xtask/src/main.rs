@@ -40,6 +40,7 @@ usage: cargo xtask VERB [...]
   programs [CP...] [--debug] [--seeds N] [--seed S --log]
                                   programs drawn at random around the handling blocks, under a judge written from the manuals
   bench [...]                     the figures of docs/figures.md, next to the floor of this machine; bench stl: the engine beside awlsim;
+                                  --write: into docs/figures.md; bench counts [--write]: instructions, beside those of tests/counts.txt;
                                   bench disturb: the scan while it is looked at and its driver is killed;
                                   bench kill-runtime: how long the outputs of a killed runtime stay on;
                                   bench io: remote I/O over Modbus TCP beside libmodbus;

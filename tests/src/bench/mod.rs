@@ -27,9 +27,13 @@ pub mod stations;
 pub mod stl;
 pub mod wake;
 pub mod watch;
+pub mod written;
 
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
+
+/// What `cargo xtask bench` measures without further words.
+pub const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memory", "line", "compile"];
 
 /// One printed line.
 #[derive(Debug)]

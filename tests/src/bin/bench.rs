@@ -6,12 +6,13 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, io, kill_runtime, line,
-    machine_code, memory, record, s7, scan, stations, stl, wake, watch,
+    Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, io, kill_runtime,
+    line, machine_code, memory, record, s7, scan, stations, stl, wake, watch, written,
 };
 
-const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
-  names: scan, pair, access, backplane, driver, memory, line, compile (default: all of these)
+const HELP: &str = "usage: cargo xtask bench [NAME...] [--write] [--triples N] [--seconds S]
+  names: scan, pair, access, backplane, driver, memory, line, compile (default: all of these);
+         --write: into docs/figures.md, with command, date and machine
          stl: the engines beside each other, beside C and beside awlsim (installed into .venv), alone; about two minutes
          engines: the same without awlsim
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
@@ -60,8 +61,8 @@ fn main() -> ExitCode {
         ["io", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(remote),
         ["kill-runtime"] => killed(kill_runtime::KILLS),
         ["kill-runtime", "--kills", number] => number.parse().map_err(|_| HELP.into()).and_then(killed),
-        ref words => options(words).and_then(|(names, plan)| {
-            let met = measure(&names)?;
+        ref words => options(words).and_then(|(names, (plan, write))| {
+            let met = measure(&names, write)?;
             match names.contains(&"scan").then(|| wake::compare(plan)).transpose()? {
                 Some(Verdict::Failed) => Ok(false),
                 Some(Verdict::Inconclusive) if met => Err(Inconclusive.into()),
@@ -150,21 +151,20 @@ fn told(verdict: Verdict) -> Result<bool, Failure> {
 struct Inconclusive;
 
 /// The names, and the extent of the comparison with cyclictest.
-fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, wake::Plan), Failure> {
-    let (mut names, mut plan) = (Vec::new(), wake::Plan::default());
+fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, (wake::Plan, bool)), Failure> {
+    let (mut names, mut plan, mut write) = (Vec::new(), wake::Plan::default(), false);
     let mut words = words.iter();
     while let Some(&word) = words.next() {
         match word {
+            "--write" => write = true,
             "--triples" => plan.triples = words.next().ok_or(HELP)?.parse()?,
             "--seconds" => plan.seconds = words.next().ok_or(HELP)?.parse()?,
             name if NAMES.contains(&name) => names.push(name),
             _ => return Err(HELP.into()),
         }
     }
-    if plan.triples == 0 || plan.seconds == 0 { Err(HELP.into()) } else { Ok((names, plan)) }
+    if plan.triples == 0 || plan.seconds == 0 { Err(HELP.into()) } else { Ok((names, (plan, write))) }
 }
-
-const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memory", "line", "compile"];
 
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
@@ -183,7 +183,7 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
 }
 
 /// Prints the table; true if every aim was met.
-fn measure(names: &[&str]) -> Result<bool, Failure> {
+fn measure(names: &[&str], write: bool) -> Result<bool, Failure> {
     println!("medians; a figure and its floor are measured in turns in the same run");
     let mut met = true;
     for name in if names.is_empty() { &NAMES } else { names } {
@@ -212,9 +212,9 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "access" => access::figures()?,
             _ => memory::measure()?.into(),
         };
-        for figure in figures {
-            println!("{}", figure.line());
-            met &= figure.aim.1;
+        met &= shown(&figures);
+        if write {
+            written::write(name, &figures)?;
         }
     }
     Ok(met)
