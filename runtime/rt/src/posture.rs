@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 
 use rustix::io::Errno;
-use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::mm::{Advice, MlockAllFlags, madvise, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_setaffinity, set_current_timer_slack};
 
@@ -57,11 +57,14 @@ const AFFINITY_REMEDY: &str =
 
 /// Locks the memory of the process, pages as they are first touched (MCL_ONFAULT), so that stacks cost what they use.
 ///
+/// What only the start has touched is given back before.
+///
 /// Without CAP_IPC_LOCK and with a limit, only what is mapped now is locked: a lock on the future would make later
 /// mappings (threads, logs) fail as soon as the limit is reached.
 #[must_use]
 pub fn lock_memory() -> Grant {
     let what = "lock memory".to_owned();
+    give_back();
     let may_lock_all = may_lock_all();
     let now = MlockAllFlags::CURRENT | MlockAllFlags::ONFAULT;
     let flags = if may_lock_all { now | MlockAllFlags::FUTURE } else { now };
@@ -77,6 +80,41 @@ pub fn lock_memory() -> Grant {
         },
         Err(why) => Grant::refused(what, why, LOCK_REMEDY),
     }
+}
+
+/// Gives back freed memory, and the pages of programs and libraries: those that are still needed come back from the page
+/// cache in the first scans. Half of the code is for reading and compiling a station.
+fn give_back() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: it has no preconditions.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+    for (from, len) in clean_files(&std::fs::read_to_string("/proc/self/smaps").unwrap_or_default()) {
+        // SAFETY: a private mapping of a file none of whose pages was written shows the same content when it is read
+        // again. Nothing is written there meanwhile: it is not writable.
+        let _ = unsafe { madvise(std::ptr::with_exposed_provenance_mut(from), len, Advice::LinuxDontNeed) };
+    }
+}
+
+/// First address and length of each private mapping of a file that cannot be written and was not, as relocations and
+/// breakpoints do.
+fn clean_files(smaps: &str) -> Vec<(usize, usize)> {
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    let mut last = None;
+    for line in smaps.lines() {
+        let mut words = line.split_ascii_whitespace();
+        let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        if let Some((from, to)) = first.split_once('-').filter(|_| second.len() == 4) {
+            let address = |text| usize::from_str_radix(text, 16).ok();
+            let is_file = words.nth(3).is_some_and(|path| path.starts_with('/'));
+            let is_read = matches!(second, "r-xp" | "r--p");
+            last = address(from).zip(address(to)).filter(|_| is_file && is_read);
+        } else if let ("Anonymous:", "0", Some((from, to))) = (first, second, last) {
+            found.push((from, to - from));
+        }
+    }
+    found
 }
 
 /// No limit on locked memory holds for this process: it has CAP_IPC_LOCK, or the limit is infinite.
@@ -156,6 +194,21 @@ mod tests {
         assert_eq!(asked[2].outcome, Outcome::Refused, "there is no such core");
         assert_eq!(asked[3].outcome, Outcome::Refused, "a thread needs a core");
         assert_eq!(asked[4].outcome, Outcome::Granted, "the slack needs no privilege");
+    }
+
+    #[test]
+    fn only_files_that_nobody_has_written_are_given_back() {
+        let smaps = "1000-3000 r-xp 00000000 00:01 7  /usr/bin/ob1\nRss: 8 kB\nAnonymous:             0 kB\n\
+                     3000-4000 r--p 00002000 00:01 7  /usr/bin/ob1\nAnonymous:             4 kB\n\
+                     4000-5000 rw-p 00003000 00:01 7  /usr/bin/ob1\nAnonymous:             0 kB\n\
+                     5000-6000 r--p 00000000 00:00 0 \nAnonymous:             0 kB\n\
+                     6000-7000 r-xs 00000000 00:01 9  /memfd:ob1-code\nAnonymous:             0 kB\n\
+                     7000-9000 r--p 00000000 00:01 8  /lib/libm.so.6\nAnonymous:             0 kB\n";
+        assert_eq!(clean_files(smaps), [(0x1000, 0x2000), (0x7000, 0x2000)]);
+        let mine = std::fs::read_to_string("/proc/self/smaps").expect("smaps");
+        assert!(clean_files(&mine).len() > 2, "{mine}");
+        // The code that runs comes back.
+        give_back();
     }
 
     #[test]
