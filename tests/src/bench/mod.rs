@@ -11,6 +11,7 @@ pub mod compile;
 pub mod disturb;
 pub mod driver;
 pub mod engines;
+pub mod fleet;
 #[cfg(feature = "iceoryx")]
 pub mod iceoryx;
 pub mod io;

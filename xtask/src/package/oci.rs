@@ -32,6 +32,13 @@ pub(super) struct Image {
     pub(super) name: String,
 }
 
+/// Whether buildah can make an image on this machine.
+pub(super) fn probe(site: &Site) -> Outcome {
+    let store = Store::new(site)?;
+    let container = store.read(&["from", "scratch"])?;
+    store.run(&["commit", "--quiet", &container, "probe"])
+}
+
 /// Makes the image in `target/dist`.
 pub(super) fn build(site: &Site, parts: &Parts) -> Outcome<Image> {
     let stage = stage_of(site, parts)?;
@@ -151,7 +158,7 @@ fn executable(path: &Path) -> Outcome {
 }
 
 /// The libraries in the output of `ldd`: `libc.so.6 => /lib/.../libc.so.6 (0x...)`, and the loader.
-fn needed(text: &str) -> Vec<String> {
+pub(super) fn needed(text: &str) -> Vec<String> {
     let words = |line: &str| -> Vec<String> { line.split_whitespace().map(str::to_owned).collect() };
     let of = |line: &str| words(line).into_iter().find(|word| word.starts_with('/'));
     text.lines().filter_map(of).collect()
