@@ -79,7 +79,7 @@ pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
 pub(super) fn short(site: &Site, parts: &Parts) -> Outcome<String> {
     let possible = needs::satisfy(&[needs::BUILDAH, needs::PODMAN])
         .and_then(|()| oci::probe(site))
-        .and_then(|()| Podman::new()?.probe());
+        .and_then(|probe| Podman::new()?.probe(&probe));
     if let Err(why) = possible {
         return Ok(format!("SKIPPED, this machine runs no containers without rights: {}", last_line(&why.to_string())));
     }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::oci::needed;
+use super::oci;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
@@ -29,30 +29,21 @@ impl Podman {
         Ok(Self { folder, rootless })
     }
 
-    /// Runs a program of this machine in a container, as the image is run: what fails here is no fault of the image.
-    pub(super) fn probe(&self) -> Outcome {
-        let root = self.folder.join("probe");
-        let program = Path::new("/bin/true");
-        let libraries = needed(&shell::read(Command::new("ldd").arg(program))?);
-        for file in std::iter::once(program).chain(libraries.iter().map(Path::new)) {
-            let to = root.join(file.strip_prefix("/").unwrap_or(file));
-            let copied = std::fs::create_dir_all(to.parent().unwrap_or(&root)).and_then(|()| std::fs::copy(file, &to));
-            copied.map_err(|why| step(format!("{}: {why}", to.display())))?;
-        }
-        for folder in ["etc/ob1", "var/lib/ob1", "run", "tmp", "proc", "sys", "dev"] {
-            std::fs::create_dir_all(root.join(folder)).map_err(|why| step(format!("{folder}: {why}")))?;
-        }
+    /// Runs the image of [`oci::probe`] as ours is run.
+    pub(super) fn probe(&self, archive: &Path) -> Outcome {
+        self.run(&["load", "--quiet", "--input", &archive.display().to_string()])?;
         let options = self.options(&[]);
-        let root = root.display().to_string();
         let mut args = vec!["run", "--rm"];
         args.extend(options.iter().map(String::as_str));
-        args.extend(["--rootfs", &root, "/bin/true"]);
+        args.extend([oci::PROBE, "/bin/true"]);
         self.run(&args).map(drop)
     }
 
     fn command(&self, args: &[&str]) -> Command {
         let own = |name: &str| self.folder.join(name).display().to_string();
-        let mut words = self.rootless.clone();
+        // A machine that only nearly runs containers may let it wait for ever.
+        let mut words = vec!["timeout".to_owned(), "120".to_owned()];
+        words.extend_from_slice(&self.rootless);
         words.extend([
             "env".into(),
             format!("HOME={}", own("run")),
@@ -121,7 +112,7 @@ fn rootless(folder: &Path) -> Outcome<Vec<String>> {
         shell::run(Command::new("useradd").args(["--system", "--add-subids-for-system", "--no-create-home", GUEST]))?;
     }
     for name in ["station", "state", "store", "run"] {
-        shell::run(Command::new("chown").arg(GUEST).arg(folder.join(name)))?;
+        shell::read(Command::new("chown").arg(GUEST).arg(folder.join(name)))?;
     }
     // crun refuses a machine with both kinds of control groups; a container needs none here.
     let view = "if [ -d /sys/fs/cgroup/unified ]; then umount -R /sys/fs/cgroup; mount -t cgroup2 cgroup /sys/fs/cgroup; fi; \
