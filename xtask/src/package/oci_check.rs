@@ -93,7 +93,7 @@ pub(super) fn short(site: &Site, parts: &Parts) -> Outcome<String> {
 
 /// The reason: tools say what they do before it.
 fn last_line(text: &str) -> &str {
-    text.lines().map(str::trim).filter(|line| !line.is_empty()).next_back().unwrap_or_default()
+    text.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or_default()
 }
 
 const CONTAINER: &str = "ob1-check";
