@@ -17,6 +17,7 @@ use std::time::{self, Duration};
 use ob1_rt::MonotonicClock;
 use ob1_station::program;
 use ob1_time::{Instant, Span};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use super::peer::Failure;
 use super::stations::pass;
@@ -53,6 +54,9 @@ pub struct Plan {
 /// If a program is missing, or something does not come up.
 pub fn measure(programs: &Path, plan: Plan) -> Result<bool, Failure> {
     let count = plan.stations;
+    // A station takes nine descriptors here, and two of the broker, which inherits the limit.
+    let limit = getrlimit(Resource::Nofile);
+    let _ = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit });
     let site = Site::new()?;
     let port = free_port()?;
     let mosquitto = mosquitto(&site.0, port)?;
