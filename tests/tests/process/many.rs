@@ -133,6 +133,6 @@ fn a_fleet_is_renewed_one_by_one_and_stops_at_the_first_that_loses_its_values() 
 #[test]
 fn what_a_small_fleet_sends_is_taken_by_the_broker_and_by_prometheus() {
     let programs = program("ob1").parent().expect("a folder").to_owned();
-    let taken = ob1_tests::bench::fleet::measure(&programs, Plan { stations: 20, seconds: 6, scrape: 1 });
+    let taken = ob1_tests::bench::fleet::measure(&programs, Plan { stations: 20, seconds: 8, scrape: 4 });
     assert!(taken.expect("it can be measured"), "see what it has printed");
 }
