@@ -75,7 +75,10 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     let beside = ["stl", "line", "io", "s7"];
     let python =
         if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };
-    let packages = ["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-s7-process", "ob1-tests"];
+    if args.iter().any(|arg| arg == "fleet") {
+        needs::satisfy(&[needs::MOSQUITTO, needs::PROMETHEUS])?;
+    }
+    let packages = ["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-gate", "ob1-s7-process", "ob1-tests"];
     let mut build = release_build(&packages);
     if args.iter().any(|arg| arg == "backplane") {
         needs::satisfy(&[needs::LIBCLANG])?;

@@ -64,10 +64,11 @@ usage: cargo xtask VERB [...]
   aarch64 [PROGRAMS]              the native engine's tests and random programs as code for AArch64, under qemu-user
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
-  package [--oci] [--check] [--debug]
+  package [--oci] [--check [--short]] [--debug]
                                   a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
                                   the unit, new stations and plugins, a bare Debian; --debug: quickly, with the book's pages as they are;
-                                  --oci: an image for containers instead; with --check it runs without rights, beside its partner outside
+                                  --oci: an image for containers instead; with --check it runs without rights, beside its partner outside; --short: as
+                                  `test` does it
   ci                              what .ci/run does
   fmt                             formats the workspace
   help                            this text

@@ -20,7 +20,7 @@ use std::process::Command;
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome, step};
 use crate::tally::{Tally, count, is_closing_line};
-use crate::{loom_miri, needs, python, shell};
+use crate::{loom_miri, needs, package, python, shell};
 
 /// Tests that start real processes are in test binaries with this prefix; they run one after the other.
 const SERIAL_PREFIX: &str = "process";
@@ -71,6 +71,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         let tally = Tally::of(&shell::watch(&mut doc, is_closing_line)?);
         summary.push(("doc tests", tally.to_string()));
         summary.push(("loom", loom_miri::loom()?));
+        summary.push(("image", package::image_of(wish.profile)?));
     }
 
     println!();

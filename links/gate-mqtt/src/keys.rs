@@ -24,6 +24,7 @@ pub(crate) struct Keys {
     pub(crate) every: Option<u64>,
     pub(crate) retain: Option<bool>,
     pub(crate) sparkplug: Option<String>,
+    pub(crate) node: Option<String>,
     #[serde(default)]
     pub(crate) alarms: bool,
     #[serde(default)]
@@ -48,8 +49,8 @@ pub(crate) struct Settings {
     pub(crate) publish: Vec<String>,
     pub(crate) every: Duration,
     pub(crate) retain: bool,
-    /// The group, if Sparkplug B is used.
-    pub(crate) sparkplug: Option<String>,
+    /// The group and the node, if Sparkplug B is used.
+    pub(crate) sparkplug: Option<(String, String)>,
     /// The alarms that stand are published.
     pub(crate) alarms: bool,
     pub(crate) commands: Vec<String>,
@@ -123,10 +124,16 @@ impl Keys {
         };
         let prefix = self.prefix.unwrap_or_else(|| format!("ob1/{station}"));
         part("prefix", &prefix)?;
-        if let Some(group) = &self.sparkplug {
-            part("sparkplug", group)?;
-            if group.contains('/') {
-                return Err("`sparkplug` is the name of a group, without a slash".into());
+        if self.node.is_some() && self.sparkplug.is_none() {
+            return Err("`node` is a name for Sparkplug B: give it `sparkplug`, too".into());
+        }
+        let sparkplug = self.sparkplug.map(|group| (group, self.node.unwrap_or_else(|| station.to_owned())));
+        for (key, what, name) in
+            sparkplug.iter().flat_map(|(group, node)| [("sparkplug", "group", group), ("node", "node", node)])
+        {
+            part(key, name)?;
+            if name.contains('/') {
+                return Err(format!("`{key}` is the name of a {what}, without a slash"));
             }
         }
         Ok(Settings {
@@ -137,7 +144,7 @@ impl Keys {
             publish: self.publish,
             every: self.every.map_or(Duration::from_secs(1), Duration::from_millis).max(SHORTEST),
             retain: self.retain.unwrap_or(true),
-            sparkplug: self.sparkplug,
+            sparkplug,
             alarms: self.alarms,
             commands: self.commands,
             store: self.store.unwrap_or(STORE),
@@ -173,6 +180,15 @@ mod tests {
     }
 
     #[test]
+    fn a_node_has_a_name_of_its_own_or_the_stations() {
+        for (node, name) in [("", "press"), (r#", "node": "7""#, "7")] {
+            let keys = format!(r#"{{"broker": "mqtt://localhost", "publish": ["MW10"], "sparkplug": "hall"{node}}}"#);
+            let found = settle(&keys, Right::Read).expect("right").sparkplug;
+            assert_eq!(found, Some(("hall".into(), name.into())));
+        }
+    }
+
+    #[test]
     fn elsewhere_it_needs_tls_and_credentials() {
         let whole = r#"{"broker": "mqtts://b", "publish": ["M1.0"], "ca": "/ca", "user": "u", "password_file": "/p"}"#;
         let keys = settle(whole, Right::Read).expect("right");
@@ -188,6 +204,8 @@ mod tests {
             (r#"{"broker": "mqtt://", "publish": ["M1.0"]}"#, "no host"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "prefix": "a/#"}"#, "prefix"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "sparkplug": "a/b"}"#, "slash"),
+            (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "sparkplug": "a", "node": "a/b"}"#, "slash"),
+            (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "node": "a"}"#, "`sparkplug`, too"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "user": "u"}"#, "together"),
         ] {
             let told = settle(keys, Right::Read).expect_err(keys);

@@ -74,7 +74,7 @@ impl Session {
         store: Store,
         state: &Path,
     ) -> Result<Self, String> {
-        let node = settings.sparkplug.as_ref().map(|group| Node::open(group, &station.welcome().station, state));
+        let node = settings.sparkplug.as_ref().map(|(group, node)| Node::open(group, node, state));
         let address = format!("{}:{}", settings.host, settings.port);
         let commands = match settings.commands.as_slice() {
             [] => None,

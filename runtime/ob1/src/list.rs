@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::thread;
 
 use clap::Args;
 use ob1_model::OperatingState;
@@ -18,6 +19,8 @@ use ob1_station::rundir;
 
 /// Entries of the diagnostic buffer in which the last STOP is looked for.
 const ENTRIES: u32 = 100;
+/// Stations that are asked at the same time.
+const AT_ONCE: usize = 64;
 
 /// List the stations that run on this machine
 ///
@@ -74,13 +77,7 @@ struct Stop {
 /// Runs `ob1 list`: prints the stations, and says how it ended.
 #[must_use]
 pub fn list(args: &ListArgs) -> Exit {
-    let all: Vec<Listed> = rundir::running()
-        .into_iter()
-        .map(|(name, folder)| {
-            let asked = Client::to_socket(&folder.join(rundir::SOCKET)).ok().and_then(ask);
-            Listed { name, folder: folder.display().to_string(), ..asked.unwrap_or_default() }
-        })
-        .collect();
+    let all: Vec<Listed> = rundir::running().chunks(AT_ONCE).flat_map(asked).collect();
     if let Some(file) = &args.prometheus {
         return write_targets(&all, file, args.host.as_deref());
     }
@@ -92,6 +89,21 @@ pub fn list(args: &ListArgs) -> Exit {
         err!("no station runs\n  = ob1 run FILE starts one; looked for in {}", rundir::listed());
     }
     Exit::Ok
+}
+
+/// Some stations, asked at the same time: each answers when its cycle ends, and none waits for another.
+fn asked(stations: &[(String, PathBuf)]) -> Vec<Listed> {
+    let one = |(name, folder): &(String, PathBuf)| {
+        let asked = Client::to_socket(&folder.join(rundir::SOCKET)).ok().and_then(ask);
+        Listed { name: name.clone(), folder: folder.display().to_string(), ..asked.unwrap_or_default() }
+    };
+    thread::scope(|scope| {
+        let asking = |station| (station, thread::Builder::new().spawn_scoped(scope, move || one(station)).ok());
+        let asking: Vec<_> = stations.iter().map(asking).collect();
+        let said = |thread: thread::ScopedJoinHandle<'_, Listed>| thread.join().ok();
+        // Without a thread it is asked here.
+        asking.into_iter().map(|(station, thread)| thread.and_then(said).unwrap_or_else(|| one(station))).collect()
+    })
 }
 
 /// What a station says of itself; none without an answer.

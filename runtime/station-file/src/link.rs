@@ -77,6 +77,7 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("every", &[Mqtt], Key::Time(&table.every, 50..=3_600_000)),
         ("retain", &[Mqtt], Key::Flag(&table.retain)),
         ("sparkplug", &[Mqtt], Key::Text(&table.sparkplug)),
+        ("node", &[Mqtt], Key::Text(&table.node)),
         ("commands", &[Mqtt], Key::Texts(&table.commands)),
         ("alarms", &[Mqtt], Key::Flag(&table.alarms)),
         ("store", &[Mqtt], Key::Number(&table.store, 256 << 10..=16 << 30)),

@@ -38,11 +38,11 @@ pub(super) fn expand(file: &mut StationFile, source: Text<'_>, folder: &Path) ->
     let pieces = ["{1}", "{2}", "{3}", "{4}", "{5}", "{6}", "{7}", "{8}", "{9}"];
     known.extend(pieces.into_iter().zip(station.split('-').map(str::to_owned)));
     for link in &mut file.link {
-        let LinkTable { listen, client, prefix, sparkplug, user, .. } = link;
+        let LinkTable { listen, client, prefix, sparkplug, node, user, .. } = link;
         if let Some(listen) = listen {
             put(listen, &known, true);
         }
-        [client, prefix, sparkplug, user].into_iter().flatten().for_each(|text| put(text, &known, false));
+        [client, prefix, sparkplug, node, user].into_iter().flatten().for_each(|text| put(text, &known, false));
         let LinkTable { users, certificate, key, audit, password_file, .. } = link;
         [users, certificate, key, audit, password_file].into_iter().flatten().for_each(|path| put(path, &known, false));
     }
@@ -84,11 +84,14 @@ mod tests {
 
     #[test]
     fn the_folder_names_the_station_and_the_name_its_links() {
-        let text = station("{folder}", "sparkplug = \"{1}\"\nclient = \"ob1-{station}\"\npublish = [\"M1.0\"]")
-            + "[[link]]\ntype = \"metrics\"\nname = \"figures\"\nlisten = \"127.0.0.1:9400+{number}\"\n";
+        let text = station(
+            "{folder}",
+            "sparkplug = \"{1}\"\nnode = \"{2}\"\nclient = \"ob1-{station}\"\npublish = [\"M1.0\"]",
+        ) + "[[link]]\ntype = \"metrics\"\nname = \"figures\"\nlisten = \"127.0.0.1:9400+{number}\"\n";
         let found = parse(&text, "station.toml", Path::new("/etc/ob1/hall3-press017")).expect("a station");
         assert_eq!(found.name, "hall3-press017");
         assert!(found.links[0].config.contains(r#""sparkplug":"hall3""#), "{}", found.links[0].config);
+        assert!(found.links[0].config.contains(r#""node":"press017""#), "{}", found.links[0].config);
         assert!(found.links[0].config.contains(r#""client":"ob1-hall3-press017""#), "{}", found.links[0].config);
         assert_eq!(found.links[1].listen.map(|at| at.port()), Some(9417));
     }

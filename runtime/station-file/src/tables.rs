@@ -104,6 +104,7 @@ pub(super) struct LinkTable {
     pub(super) every: Option<Placed<String>>,
     pub(super) retain: Option<Placed<bool>>,
     pub(super) sparkplug: Option<Placed<String>>,
+    pub(super) node: Option<Placed<String>>,
     pub(super) commands: Option<Placed<Vec<String>>>,
     pub(super) alarms: Option<Placed<bool>>,
     pub(super) store: Option<Placed<i64>>,

@@ -12,6 +12,7 @@ pub mod counts;
 pub mod disturb;
 pub mod driver;
 pub mod engines;
+pub mod fleet;
 #[cfg(feature = "iceoryx")]
 pub mod iceoryx;
 pub mod io;

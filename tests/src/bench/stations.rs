@@ -71,7 +71,7 @@ pub fn measure(ob1: &Path, count: usize, cycle: u64, seconds: u64) -> Result<boo
 }
 
 /// The time that is measured passes.
-fn pass(time: Duration) {
+pub(super) fn pass(time: Duration) {
     let (_nobody, says) = std::sync::mpsc::channel::<()>();
     let _ = says.recv_timeout(time);
 }
@@ -183,7 +183,7 @@ impl Drop for Station {
 const PROGRAM: &str = include_str!("stations.awl");
 
 /// What a process has that no other has, in KiB: the pages it has written.
-fn own_kib(pid: u32) -> Result<u64, Failure> {
+pub(super) fn own_kib(pid: u32) -> Result<u64, Failure> {
     let text = std::fs::read_to_string(format!("/proc/{pid}/smaps_rollup"))?;
     let of = |name: &str| -> u64 {
         let lines = text.lines().filter_map(|line| line.strip_prefix(name));
@@ -194,12 +194,13 @@ fn own_kib(pid: u32) -> Result<u64, Failure> {
 
 /// User and system time of all stations, in ticks.
 fn cpu_ticks(stations: &[Station]) -> Result<u64, Failure> {
-    let mut sum = 0;
-    for station in stations {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", station.id()))?;
-        let (_, rest) = stat.rsplit_once(')').ok_or("no name in stat")?;
-        let words: Vec<&str> = rest.split_whitespace().collect();
-        sum += [11, 12].iter().filter_map(|at| words.get(*at)?.parse::<u64>().ok()).sum::<u64>();
-    }
-    Ok(sum)
+    stations.iter().map(|station| ticks(station.id())).sum()
+}
+
+/// User and system time of a process, in ticks.
+pub(super) fn ticks(pid: u32) -> Result<u64, Failure> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    let (_, rest) = stat.rsplit_once(')').ok_or("no name in stat")?;
+    let words: Vec<&str> = rest.split_whitespace().collect();
+    Ok([11, 12].iter().filter_map(|at| words.get(*at)?.parse::<u64>().ok()).sum())
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, io, kill_runtime,
+    Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, fleet, io, kill_runtime,
     line, machine_code, memory, record, s7, scan, stations, stl, wake, watch, written,
 };
 
@@ -26,7 +26,8 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--write] [--triples N] [
         watch: a scan of 100,000 statements with program status, beside the same without: a minute
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
          stations [COUNT CYCLE SECONDS]: 1, 10, 50, 100 stations at 10 and 100 ms, a minute each; or so many at a cycle in ms
-         io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
+         fleet [COUNT SECONDS]: a thousand simulated stations whose values and figures go to mosquitto and Prometheus; a minute is measured
+        io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
          second beside libmodbus (its Python script installed into .venv); S (10) seconds each
          kill-runtime [--kills N]: N (200) times SIGKILL to a runtime; how long its outputs stay on: a minute
   scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 15 minutes
@@ -55,6 +56,13 @@ fn main() -> ExitCode {
         }
         ["stations", count, cycle, seconds] => match (count.parse(), cycle.parse(), seconds.parse()) {
             (Ok(count), Ok(cycle), Ok(seconds)) => many(count, cycle, seconds),
+            _ => Err(HELP.into()),
+        },
+        ["fleet"] => many_tell(fleet::Plan { stations: 1000, seconds: 60, scrape: 15 }),
+        ["fleet", count, seconds] => match (count.parse(), seconds.parse()) {
+            (Ok(stations), Ok(seconds)) => {
+                many_tell(fleet::Plan { stations, seconds, scrape: (seconds / 4_u64).clamp(1, 15) })
+            }
             _ => Err(HELP.into()),
         },
         ["io"] => remote(10),
@@ -103,6 +111,12 @@ fn remote(seconds: u64) -> Result<bool, Failure> {
 /// `stations [COUNT CYCLE SECONDS]`.
 fn many(count: usize, cycle: u64, seconds: u64) -> Result<bool, Failure> {
     stations::measure(&std::env::current_exe()?.with_file_name("ob1"), count, cycle, seconds)
+}
+
+/// `fleet [COUNT SECONDS]`.
+fn many_tell(plan: fleet::Plan) -> Result<bool, Failure> {
+    let folder = std::env::current_exe()?;
+    fleet::measure(folder.parent().ok_or("no folder")?, plan)
 }
 
 /// `causes [--seconds S]`.

@@ -138,6 +138,6 @@ fn modules(
     Ok(modules)
 }
 
-fn texts(findings: &[ob1_station_file::finding::Finding]) -> String {
+pub(crate) fn texts(findings: &[ob1_station_file::finding::Finding]) -> String {
     findings.iter().map(|finding| finding.text.as_str()).collect()
 }

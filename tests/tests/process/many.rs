@@ -1,5 +1,6 @@
 //! Many stations on one machine: `ob1 list` with its targets for Prometheus, `ob1 ctl ready`, and `ob1 roll`.
 
+use ob1_tests::bench::fleet::Plan;
 use serde_json::Value;
 
 use crate::common::gate::Visitor;
@@ -125,4 +126,13 @@ fn a_fleet_is_renewed_one_by_one_and_stops_at_the_first_that_loses_its_values() 
     for name in names {
         site.ob1(&["ctl", name, "stop"]);
     }
+}
+
+/// The short form of `cargo xtask bench fleet`: MQTT, Sparkplug and figures of simulated stations, and everything is
+/// taken.
+#[test]
+fn what_a_small_fleet_sends_is_taken_by_the_broker_and_by_prometheus() {
+    let programs = program("ob1").parent().expect("a folder").to_owned();
+    let taken = ob1_tests::bench::fleet::measure(&programs, Plan { stations: 20, seconds: 8, scrape: 4 });
+    assert!(taken.expect("it can be measured"), "see what it has printed");
 }

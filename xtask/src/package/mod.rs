@@ -1,4 +1,4 @@
-//! `cargo xtask package [--oci] [--check] [--debug]`: creates the packages that a user installs.
+//! `cargo xtask package [--oci] [--check [--short]] [--debug]`: creates the packages that a user installs.
 //!
 //! One tree (`stage`) contains everything: the programs and plugins of the workspace (`parts`), manual pages,
 //! completions, the book, examples, the C header, the crates a plugin in Rust needs, and the files of `xtask/package`.
@@ -17,6 +17,7 @@ mod oci;
 mod oci_check;
 mod pages;
 mod parts;
+mod podman;
 mod stage;
 
 use std::path::{Path, PathBuf};
@@ -48,20 +49,26 @@ struct Made {
 /// # Errors
 /// If anything cannot be built, or the check finds an error.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let (mut wants_check, mut wants_image, mut profile) = (false, false, Profile::Release);
+    let (mut wants_check, mut wants_image, mut is_short, mut profile) = (false, false, false, Profile::Release);
     for arg in args {
         match arg.as_str() {
             "--check" => wants_check = true,
             "--oci" => wants_image = true,
+            "--short" => is_short = true,
             "--debug" => profile = Profile::Debug,
             other => return Err(Failure::Usage(format!("package knows no `{other}`"))),
         }
     }
-    let dist = cargo::target_dir()?.join("dist");
-    let site = Site { dist, built: profile.folder()?, profile, epoch: epoch()? };
-    std::fs::create_dir_all(&site.dist).map_err(|why| step(format!("{}: {why}", site.dist.display())))?;
+    if is_short && !(wants_image && wants_check) {
+        return Err(Failure::Usage("--short is for package --oci --check".into()));
+    }
     let parts = Parts::of_workspace()?;
     shell::run(cargo(&["build"]).args(parts.flags()).args(profile.flags()))?;
+    if is_short {
+        println!("{}", image_of(profile)?);
+        return Ok(());
+    }
+    let site = Site::new(profile)?;
     if wants_image {
         needs::satisfy(&[needs::BUILDAH])?;
         let image = oci::build(&site, &parts)?;
@@ -79,6 +86,22 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         println!("{}  {}", digest(file)?, file.display());
     }
     if wants_check { check::run(&site, &parts, &book, &made) } else { Ok(()) }
+}
+
+/// The image of what is built already, in the short form of its check.
+///
+/// # Errors
+/// If it cannot be made of these programs, or fails; not where the machine cannot run containers: the text says it.
+pub(crate) fn image_of(profile: Profile) -> Outcome<String> {
+    oci_check::short(&Site::new(profile)?, &Parts::of_workspace()?)
+}
+
+impl Site {
+    fn new(profile: Profile) -> Outcome<Self> {
+        let dist = cargo::target_dir()?.join("dist");
+        std::fs::create_dir_all(&dist).map_err(|why| step(format!("{}: {why}", dist.display())))?;
+        Ok(Self { dist, built: profile.folder()?, profile, epoch: epoch()? })
+    }
 }
 
 /// Creates the tree and both packages.

@@ -21,6 +21,8 @@ const USER: &str = "990:990";
 const STATION: &str = "/etc/ob1/station.toml";
 /// The only volume: retentive files, downloaded blocks, what the gate keeps.
 const STATE: &str = "/var/lib/ob1";
+/// The name of [`probe`].
+pub(super) const PROBE: &str = "localhost/ob1-probe:now";
 
 /// The archives of the image.
 pub(super) struct Image {
@@ -30,6 +32,22 @@ pub(super) struct Image {
     pub(super) kib: u64,
     /// The name in the archives.
     pub(super) name: String,
+}
+
+/// An image of a program of this machine that does nothing: what fails with it is no fault of ours.
+pub(super) fn probe(site: &Site) -> Outcome<PathBuf> {
+    let mut stage = Stage::new(site.dist.join("image"))?;
+    let program = Path::new("/bin/true");
+    stage.put("bin/true", &std::fs::read(program).map_err(|why| step(format!("/bin/true: {why}")))?, 0o755)?;
+    libraries(&mut stage, std::iter::once(program.to_owned()))?;
+    let archive = site.dist.join("probe.tar");
+    let _ = std::fs::remove_file(&archive);
+    let store = Store::new(site)?;
+    let container = store.read(&["from", "scratch"])?;
+    store.run(&["copy", "--quiet", &container, &format!("{}/", stage.root.display()), "/"])?;
+    store.run(&["commit", "--quiet", "--format", "docker", &container, PROBE])?;
+    store.run(&["push", "--quiet", PROBE, &format!("docker-archive:{}:{PROBE}", archive.display())])?;
+    Ok(archive)
 }
 
 /// Makes the image in `target/dist`.
@@ -115,18 +133,7 @@ fn stage_of(site: &Site, parts: &Parts) -> Outcome<Stage> {
     for plugin in &parts.plugins {
         stage.object(&site.built.join(plugin), &format!("usr/lib/ob1/{plugin}"), 0o644)?;
     }
-    let mut libraries = BTreeSet::new();
-    for program in &parts.programs {
-        let text = shell::read(Command::new("ldd").arg(site.built.join(&program.name)))?;
-        libraries.extend(needed(&text));
-    }
-    for library in libraries {
-        let path = Path::new(&library);
-        let real = path.canonicalize().map_err(|why| step(format!("{library}: {why}")))?;
-        // As the loader looks for them, wherever this machine has them; the loader itself stands in each program.
-        stage.copy(&real, library.trim_start_matches('/'))?;
-        executable(&stage.root.join(library.trim_start_matches('/')))?;
-    }
+    libraries(&mut stage, parts.programs.iter().map(|program| site.built.join(&program.name)))?;
     let root = cargo::root();
     for file in ["LICENSE-MIT", "LICENSE-APACHE"] {
         stage.copy(&root.join(file), &format!("usr/share/doc/ob1/{file}"))?;
@@ -143,6 +150,22 @@ fn stage_of(site: &Site, parts: &Parts) -> Outcome<Stage> {
         std::fs::create_dir_all(&path).map_err(|why| step(format!("{}: {why}", path.display())))?;
     }
     Ok(stage)
+}
+
+/// Adds the libraries that these programs need.
+fn libraries(stage: &mut Stage, programs: impl Iterator<Item = PathBuf>) -> Outcome {
+    let mut libraries = BTreeSet::new();
+    for program in programs {
+        libraries.extend(needed(&shell::read(Command::new("ldd").arg(program))?));
+    }
+    for library in libraries {
+        let path = Path::new(&library);
+        let real = path.canonicalize().map_err(|why| step(format!("{library}: {why}")))?;
+        // As the loader looks for them, wherever this machine has them; the loader itself stands in each program.
+        stage.copy(&real, library.trim_start_matches('/'))?;
+        executable(&stage.root.join(library.trim_start_matches('/')))?;
+    }
+    Ok(())
 }
 
 fn executable(path: &Path) -> Outcome {

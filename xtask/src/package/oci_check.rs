@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::oci::{self, Image};
 use super::parts::Parts;
+use super::podman::Podman;
 use super::{Site, digest};
 use crate::cargo;
 use crate::failure::{Outcome, step};
@@ -27,9 +28,6 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Runs of each kind beside each other, and how long each lasts.
 const PAIRS: usize = 5;
 const RUN: &str = "4s";
-/// The user that root makes for the check.
-const GUEST: &str = "ob1check";
-
 pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
     needs::satisfy(&[needs::PODMAN])?;
     let passed = |what: &str| println!("ok  {what}");
@@ -63,14 +61,7 @@ pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
     passed(&format!("{TELEGRAMS} telegrams there and back over a pseudo terminal"));
     let kept = killed_and_back(&engine)?;
     passed(&kept);
-    let written = engine.podman(&["diff", CONTAINER])?;
-    // Where something is mounted or handed in, podman makes the place for it.
-    let own = |line: &&str| {
-        !["/run", "/tmp", "/etc", "/dev", "/proc", "/sys", "/var"].iter().any(|at| line[2..].starts_with(at))
-    };
-    if let Some(line) = written.lines().filter(|line| line.len() > 2).find(own) {
-        return Err(step(format!("written outside of its volume: {line}")));
-    }
+    engine.writes_to_its_volume()?;
     passed("nothing is written outside of its volume");
     let stopped = Instant::now();
     engine.podman(&["stop", "--time", "10", CONTAINER])?;
@@ -81,6 +72,28 @@ pub(super) fn run(site: &Site, parts: &Parts, image: &Image) -> Outcome {
     passed(&format!("SIGTERM ends it in order, in {:.1} s", stopped.elapsed().as_secs_f64()));
     passed(&engine.wake_up(site)?);
     Ok(())
+}
+
+/// The short form for the tests: it starts, is killed and back with its values, and writes to its volume alone. Where
+/// this machine runs no containers without rights, or cannot make an image, the text says so.
+pub(super) fn short(site: &Site, parts: &Parts) -> Outcome<String> {
+    let possible = needs::satisfy(&[needs::BUILDAH, needs::PODMAN])
+        .and_then(|()| oci::probe(site))
+        .and_then(|probe| Podman::new()?.probe(&probe));
+    if let Err(why) = possible {
+        return Ok(format!("SKIPPED, this machine runs no containers without rights: {}", last_line(&why.to_string())));
+    }
+    let image = oci::build(site, parts)?;
+    let engine = Engine::new(site, &image)?;
+    let started = engine.start()?;
+    let kept = killed_and_back(&engine)?;
+    engine.writes_to_its_volume()?;
+    Ok(format!("in RUN {:.2} s after podman run without rights; {kept}; nothing else written", started.as_secs_f64()))
+}
+
+/// The reason: tools say what they do before it.
+fn last_line(text: &str) -> &str {
+    text.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or_default()
 }
 
 const CONTAINER: &str = "ob1-check";
@@ -105,10 +118,9 @@ fn killed_and_back(engine: &Engine) -> Outcome<String> {
 /// The station file in the container.
 const STATION: &str = "/etc/ob1/station.toml";
 
-/// podman as a user without rights, with a storage of its own; and the partner outside.
+/// The image under podman, and its partner outside.
 struct Engine {
-    folder: PathBuf,
-    rootless: Vec<String>,
+    podman: Podman,
     image: String,
     partner: Child,
     ob1: PathBuf,
@@ -116,49 +128,17 @@ struct Engine {
 
 impl Engine {
     fn new(site: &Site, image: &Image) -> Outcome<Self> {
-        let folder = std::env::temp_dir().join(format!("ob1-oci-{}", std::process::id()));
-        for name in ["station", "state", "store", "run", "outside"] {
-            let path = folder.join(name);
-            std::fs::create_dir_all(&path).map_err(|why| step(format!("{}: {why}", path.display())))?;
-        }
-        let ob1 = site.built.join("ob1");
-        stations(&folder)?;
-        let partner = partner(site, &folder)?;
-        let rootless = rootless(&folder)?;
-        let engine = Self { folder, rootless, image: image.name.clone(), partner, ob1 };
+        let podman = Podman::new()?;
+        stations(&podman.folder)?;
+        let partner = partner(site, &podman.folder)?;
+        let engine = Self { podman, image: image.name.clone(), partner, ob1: site.built.join("ob1") };
         engine.until("the partner has its line", |engine| engine.line().ok())?;
         engine.podman(&["load", "--quiet", "--input", &image.docker.display().to_string()])?;
         Ok(engine)
     }
 
-    fn command(&self, args: &[&str]) -> Command {
-        let own = |name: &str| self.folder.join(name).display().to_string();
-        let mut words = self.rootless.clone();
-        words.extend([
-            "env".into(),
-            format!("HOME={}", own("run")),
-            format!("XDG_RUNTIME_DIR={}", own("run")),
-            "podman".into(),
-        ]);
-        for (option, value) in
-            [("--storage-driver", "overlay".to_owned()), ("--root", own("store")), ("--runroot", own("run"))]
-        {
-            words.extend([option.to_owned(), value]);
-        }
-        words.extend(["--cgroup-manager", "cgroupfs", "--runtime", "crun"].map(str::to_owned));
-        let mut command = Command::new(&words[0]);
-        command.args(&words[1..]).args(args).stdin(Stdio::null()).current_dir(&self.folder);
-        command
-    }
-
     fn podman(&self, args: &[&str]) -> Outcome<String> {
-        let output = self.command(args).output().map_err(|why| step(format!("podman: {why}")))?;
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        if output.status.success() {
-            return Ok(text(&output.stdout));
-        }
-        let words = args.first().copied().unwrap_or_default();
-        Err(step(format!("podman {words}: {} {}", text(&output.stdout), text(&output.stderr))))
+        self.podman.run(args)
     }
 
     /// `ob1` in the container.
@@ -168,7 +148,7 @@ impl Engine {
 
     /// The pseudo terminal of the partner.
     fn line(&self) -> Outcome<String> {
-        let link = self.folder.join("outside/null-modem.pty");
+        let link = self.podman.folder.join("outside/null-modem.pty");
         let path = std::fs::canonicalize(&link).map_err(|why| step(format!("{}: {why}", link.display())))?;
         // The user of the container opens it.
         let mode = std::os::unix::fs::PermissionsExt::from_mode(0o666);
@@ -176,30 +156,10 @@ impl Engine {
         Ok(path.display().to_string())
     }
 
-    /// The options of a container as this check and `docs/fleet.md` have it.
-    fn options(&self, more: &[String]) -> Vec<String> {
-        let own = |name: &str| self.folder.join(name).display().to_string();
-        let mut options: Vec<String> = [
-            "--read-only",
-            "--cap-drop=all",
-            "--security-opt=no-new-privileges",
-            "--network=none",
-            "--cgroups=disabled",
-        ]
-        .map(str::to_owned)
-        .to_vec();
-        options.push("--userns=keep-id:uid=990,gid=990".into());
-        options.push("--tmpfs=/run:mode=1777".into());
-        options.push(format!("--volume={}:/etc/ob1:ro", own("station")));
-        options.push(format!("--volume={}:/var/lib/ob1", own("state")));
-        options.extend_from_slice(more);
-        options
-    }
-
     /// Starts the container; how long it took until the station was in RUN.
     fn start(&self) -> Outcome<Duration> {
         let device = format!("--device={}:/dev/ttyOB1", self.line()?);
-        let options = self.options(&[device]);
+        let options = self.podman.options(&[device]);
         let mut args = vec!["run", "--detach", "--name", CONTAINER];
         args.extend(options.iter().map(String::as_str));
         args.push(&self.image);
@@ -207,6 +167,18 @@ impl Engine {
         self.podman(&args)?;
         self.until("RUN", |engine| engine.ob1(&["ctl", STATION, "ready"]).is_ok().then_some(()))?;
         Ok(begin.elapsed())
+    }
+
+    fn writes_to_its_volume(&self) -> Outcome {
+        let written = self.podman(&["diff", CONTAINER])?;
+        // Where something is mounted or handed in, podman makes the place for it.
+        let own = |line: &&str| {
+            !["/run", "/tmp", "/etc", "/dev", "/proc", "/sys", "/var"].iter().any(|at| line[2..].starts_with(at))
+        };
+        match written.lines().filter(|line| line.len() > 2).find(own) {
+            Some(line) => Err(step(format!("written outside of its volume: {line}"))),
+            None => Ok(()),
+        }
     }
 
     /// Telegrams that have come back right, as the program counts them.
@@ -263,36 +235,32 @@ impl Engine {
     }
 
     fn outside(&self, site: &Site, name: &str) -> Outcome<u64> {
-        let report = self.folder.join("state").join(name);
+        let report = self.podman.folder.join("state").join(name);
         let mut command = Command::new(&self.ob1);
         command
             .args(["run", "--quiet", "--for", RUN, "--report"])
             .arg(&report)
-            .arg(self.folder.join("outside/wake.toml"));
-        command.env("XDG_RUNTIME_DIR", self.folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
+            .arg(self.podman.folder.join("outside/wake.toml"));
+        command.env("XDG_RUNTIME_DIR", self.podman.folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
         shell::read(&mut command)?;
         wake_p99(&report)
     }
 
     fn inside(&self, name: &str) -> Outcome<u64> {
-        let options = self.options(&[]);
+        let options = self.podman.options(&[]);
         let report = format!("/var/lib/ob1/{name}");
         let mut args = vec!["run", "--rm"];
         args.extend(options.iter().map(String::as_str));
         args.extend([&self.image, "run", "--quiet", "--for", RUN, "--report", &report, "/etc/ob1/wake.toml"]);
         self.podman(&args)?;
-        wake_p99(&self.folder.join("state").join(name))
+        wake_p99(&self.podman.folder.join("state").join(name))
     }
 }
 
 impl Drop for Engine {
     fn drop(&mut self) {
-        let _ = self.podman(&["rm", "--force", "--all"]);
-        let _ = self.podman(&["rmi", "--force", "--all"]);
-        let _ = self.podman(&["system", "migrate"]);
         let _ = Command::new("kill").arg("-TERM").arg(self.partner.id().to_string()).status();
         let _ = self.partner.wait();
-        let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
 
@@ -330,23 +298,4 @@ fn partner(site: &Site, folder: &Path) -> Outcome<Child> {
     command.args(["run", "--quiet", "station.toml"]).current_dir(folder.join("outside"));
     command.env("XDG_RUNTIME_DIR", folder.join("outside")).env("OB1_PLUGIN_DIR", &site.built);
     command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().map_err(|why| step(format!("ob1: {why}")))
-}
-
-/// The words before podman: none for a user; for root those that make it the guest, in a view of the machine that has
-/// the control groups of today only.
-fn rootless(folder: &Path) -> Outcome<Vec<String>> {
-    let is_root = shell::read(Command::new("id").arg("-u"))?.trim() == "0";
-    if !is_root {
-        return Ok(vec!["env".into()]);
-    }
-    if !shell::works(Command::new("id").arg(GUEST)) {
-        shell::run(Command::new("useradd").args(["--system", "--add-subids-for-system", "--no-create-home", GUEST]))?;
-    }
-    for name in ["station", "state", "store", "run"] {
-        shell::run(Command::new("chown").arg(GUEST).arg(folder.join(name)))?;
-    }
-    // crun refuses a machine with both kinds of control groups; a container needs none here.
-    let view = "if [ -d /sys/fs/cgroup/unified ]; then umount -R /sys/fs/cgroup; mount -t cgroup2 cgroup /sys/fs/cgroup; fi; \
-        mount --make-rshared /; exec runuser -u ob1check -- \"$@\"";
-    Ok(["unshare", "--mount", "--propagation", "private", "sh", "-c", view, "sh"].map(str::to_owned).to_vec())
 }

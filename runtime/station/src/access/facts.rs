@@ -163,14 +163,49 @@ fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
     serde_json::to_string(what).map(Some)
 }
 
-impl StationFacts {
+impl StationView {
+    /// A document as links get it.
+    #[must_use]
+    pub fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
+        let text = match which {
+            Document::Program => Ok(Some(ob1_ir::write(&self.known.get().program))),
+            Document::Sources => Ok(Some(self.sources())),
+            Document::Status => json(&self.status(state, present)),
+            Document::Timing => json(&self.timings.snapshot(true)),
+            Document::Buffers => json(&self.buffers(DIAG_ENTRIES as u32)),
+            Document::AlarmTexts => Ok(Some(self.alarm_texts.write())),
+            Document::Links => json(&links.iter().map(LinkStatus::from).collect::<Vec<_>>()),
+        };
+        // What we tell can be serialized.
+        text.ok().flatten().unwrap_or_default().into_bytes().into()
+    }
+
+    /// An entry of the CPU's diagnostic buffer as links get it.
+    #[must_use]
+    pub fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis {
+        let told = self.diagnostic(entry);
+        Diagnosis {
+            number: entry.number,
+            time: entry.time.nanos(),
+            wall: ob1_cpu::date_and_time(crate::wall_clock::date_of(told.unix_ns)),
+            event: entry.event.0,
+            block: entry.site.map(|site| site.block),
+            line: entry.site.map_or(0, |site| site.line),
+            data: entry.data,
+            text: told.text,
+            place: told.place,
+            because: told.because,
+            remedy: told.remedy,
+        }
+    }
+
     /// As JSON; empty while it is being made: a large program takes a while, and the broker waits for nothing.
     fn sources(&self) -> String {
-        let known = self.view.known.get();
+        let known = self.known.get();
         if let Some(text) = known.sources.get() {
             return text.clone();
         }
-        let started = self.view.unix_at(Instant::START);
+        let started = self.unix_at(Instant::START);
         if !known.is_read.swap(true, Ordering::Relaxed) {
             let of = Arc::clone(&known);
             let make = move || drop(of.sources.set(serde_json::to_string(&Read::of(&of, started)).unwrap_or_default()));
@@ -239,20 +274,7 @@ impl Facts for StationFacts {
     }
 
     fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis {
-        let told = self.view.diagnostic(entry);
-        Diagnosis {
-            number: entry.number,
-            time: entry.time.nanos(),
-            wall: ob1_cpu::date_and_time(crate::wall_clock::date_of(told.unix_ns)),
-            event: entry.event.0,
-            block: entry.site.map(|site| site.block),
-            line: entry.site.map_or(0, |site| site.line),
-            data: entry.data,
-            text: told.text,
-            place: told.place,
-            because: told.because,
-            remedy: told.remedy,
-        }
+        self.view.diagnosis(entry)
     }
 
     fn blocks(&self) -> Vec<BlockFact> {
@@ -282,17 +304,7 @@ impl Facts for StationFacts {
     }
 
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
-        let text = match which {
-            Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),
-            Document::Sources => Ok(Some(self.sources())),
-            Document::Status => json(&self.view.status(state, present)),
-            Document::Timing => json(&self.view.timings.snapshot(true)),
-            Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
-            Document::AlarmTexts => Ok(Some(self.view.alarm_texts.write())),
-            Document::Links => json(&links.iter().map(LinkStatus::from).collect::<Vec<_>>()),
-        };
-        // What we tell can be serialized.
-        text.ok().flatten().unwrap_or_default().into_bytes().into()
+        self.view.document(which, state, present, links)
     }
 
     fn change(&mut self, number: u64, change: Change) -> bool {
