@@ -190,10 +190,10 @@ fn overflow(rig: &mut Rig<'_>) -> Checked {
 /// announce its sleep the last times, a little sooner after one that came too late, a little later after one that did
 /// not. So many come between its last look and its announcement.
 fn drowsy(rig: &mut Rig<'_>) -> Checked {
-    rig.apart(at_bedtime)
+    rig.apart(while_drowsy)
 }
 
-fn at_bedtime(rig: &mut Rig<'_>) -> Checked {
+fn while_drowsy(rig: &mut Rig<'_>) -> Checked {
     let (mut aim, begin) = (100_u32, rig.now());
     for round in 0..2000 {
         let tx = if round % 2 == 0 { 13 + round % 7 } else { 0 };

@@ -448,8 +448,8 @@ impl<'a> Rig<'a> {
         played
     }
 
-    /// Wakes a driver that sleeps, without news, and writes `TX` so many turns of a loop after it shows that it is awake;
-    /// true: it had announced its sleep before. Nothing else is done between: the moments are tens of nanoseconds.
+    /// Wakes a driver that sleeps, without news, and writes `TX` so many turns of a loop after it shows that it is
+    /// awake; true: it had announced its sleep before. Nothing else is done between: moments are tens of nanoseconds.
     pub(super) fn put_drowsy(&mut self, delay: u32, tx: u16) -> Checked<bool> {
         self.look()?;
         self.outputs[2..4].copy_from_slice(&tx.to_be_bytes());
