@@ -25,20 +25,19 @@ class Recording {
   unix = 0;
   wrong = null;
 
-  row(time, lost, values) {
-    [this.from, this.to, this.lost, this.rows] = [Math.min(this.from, time), Math.max(this.to, time), lost, this.rows + 1];
-    let at = 0;
-    for (const series of this.series.values()) {
-      const value = values[at++];
-      // Only changes are kept.
-      if (!Object.is(series.values.at(-1), value)) series.add(time, value);
-    }
+  /** A row: its time, and the rows lost so far. */
+  row(time, lost) {
+    this.from = Math.min(this.from, time);
+    this.to = Math.max(this.to, time);
+    this.lost = lost;
+    this.rows += 1;
   }
 }
 
 /** FNV-1a of 64 bits over these bytes, as two halves. */
 function checksum(bytes, from, to) {
-  let [high, low] = [0xCBF29CE4, 0x84222325];
+  let high = 0xCBF29CE4;
+  let low = 0x84222325;
   for (let at = from; at < to; at += 1) {
     low = (low ^ bytes[at]) >>> 0;
     const product = low * 0x1B3;
@@ -74,10 +73,13 @@ const HAPPENED = {
 /** Reads the blocks of a recording, up to the last whole one. */
 function blocks(bytes, recording) {
   const [view, four, text] = [new DataView(bytes.buffer, bytes.byteOffset), new DataView(new ArrayBuffer(4)), new TextDecoder()];
+  const curves = [];
   let types = [];
   let at = 8;
   const next = () => {
-    let [value, scale, byte] = [0, 1, 0];
+    let value = 0;
+    let scale = 1;
+    let byte;
     do {
       byte = bytes[at++];
       value += (byte & 127) * scale;
@@ -96,19 +98,29 @@ function blocks(bytes, recording) {
       const head = JSON.parse(text.decode(bytes.subarray(at, end)));
       types = head.signals.map(({ type }) => type);
       recording.unix = head.clocks.unix_ns / 1e6;
-      for (const name of [...head.signals.map(({ name }) => name), ...Object.keys(SCAN)]) recording.series.set(name, new Series());
+      head.signals.forEach(({ name }, signal) => recording.series.set(name, curves[COLUMNS + signal] = new Series()));
+      Object.entries(SCAN).forEach(([name, column]) => recording.series.set(name, curves[column] = new Series()));
     } else if (kind === 1) {
       const columns = new Array(COLUMNS + types.length).fill(0);
-      while (at < end) {
+      const width = Math.ceil(columns.length / 8);
+      const set = (column, time) => {
+        const value = column < COLUMNS ? columns[column] : valued(types[column - COLUMNS], columns[column], four);
+        curves[column]?.change(time, value);
+      };
+      for (let first = true; at < end; first = false) {
         const changed = at;
-        at += Math.ceil(columns.length / 8);
+        const steps = [];
+        at += width;
         for (let column = 0; column < columns.length; column += 1) {
           if (!(bytes[changed + (column >> 3)] >> (column & 7) & 1)) continue;
           const step = next();
           columns[column] += step % 2 ? -(step + 1) / 2 : step / 2;
+          steps.push(column);
         }
-        recording.row(columns[1] / 1e6, columns[3],
-          [...types.map((type, signal) => valued(type, columns[COLUMNS + signal], four)), ...Object.values(SCAN).map((column) => columns[column])]);
+        const time = columns[1] / 1e6;
+        recording.row(time, columns[3]);
+        // A block begins with all that is not 0.
+        if (first) columns.forEach((_, column) => set(column, time)); else steps.forEach((column) => set(column, time));
       }
     } else if (kind === 3) {
       for (const event of JSON.parse(text.decode(bytes.subarray(at, end)))) {
@@ -125,17 +137,19 @@ function blocks(bytes, recording) {
 /** Reads the table of a recording: cells between commas, in quotes where they need it. */
 function table(text, recording) {
   const cell = /(?:"((?:[^"]|"")*)"|([^",\r\n]*))(,|\r?\n|$)/gy;
-  let [cells, heads] = [[], null];
+  let [cells, heads, columns] = [[], null, []];
   for (let found = cell.exec(text); found && cell.lastIndex <= text.length; found = cell.exec(text)) {
     cells.push(found[1]?.replaceAll('""', '"') ?? found[2]);
     if (found[3] === ",") continue;
     if (!heads) {
       if (cells[0] !== "time_ns" || cells.length < TABLE) throw new Error(say("noRecording"));
       heads = cells;
-      for (const name of [...heads.slice(TABLE), ...Object.keys(SCAN)]) recording.series.set(name, new Series());
+      columns = [...heads.keys()].slice(TABLE).concat(Object.keys(SCAN).map((name) => heads.indexOf(name)));
+      columns.forEach((column) => recording.series.set(heads[column], new Series()));
     } else if (cells.length === heads.length) {
-      recording.row(cells[0] / 1e6, Number(cells[3]),
-        [...cells.slice(TABLE).map(number), ...Object.keys(SCAN).map((name) => number(cells[heads.indexOf(name)]))]);
+      const time = cells[0] / 1e6;
+      recording.row(time, Number(cells[3]));
+      [...recording.series.values()].forEach((series, at) => series.change(time, number(cells[columns[at]])));
     } else if (cells.length > 1) {
       recording.wrong = say("recordCut");
     }
@@ -202,8 +216,12 @@ export function recordings() {
   const open = async (event) => {
     const [file] = event.target.files;
     if (!file) return;
+    shown.replaceChildren(h("p", { class: "quiet loading" }, say("loading")));
     try {
-      const recording = read(new Uint8Array(await file.arrayBuffer()));
+      const bytes = new Uint8Array(await file.arrayBuffer());
+      // A large file takes seconds: what was just said is drawn first.
+      await new Promise((go) => { setTimeout(go, 30); });
+      const recording = read(bytes);
       Object.assign(kept, { name: file.name, recording, chosen: [...recording.series.keys()].slice(0, 1), from: 0, to: STEPS });
       show();
     } catch (error) {

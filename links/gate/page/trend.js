@@ -18,6 +18,11 @@ export class Series {
     this.values.push(value);
   }
 
+  /** The same, where only changes matter. */
+  change(time, value) {
+    if (!Object.is(this.values.at(-1), value)) this.add(time, value);
+  }
+
   /** The place of the last value that had begun by then. */
   place(time) {
     let [low, high] = [0, this.times.length];
