@@ -1,5 +1,6 @@
 //! The line for the pump.
 
+use ob1_backplane::OrderTimes;
 use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 
 use crate::keys::CpType;
@@ -60,5 +61,10 @@ pub trait LinePort {
     /// Something for the log.
     fn trace(&mut self, now: Instant, event: &CpEvent<'_>) {
         let _ = (now, event);
+    }
+
+    /// Where the time of an order or telegram went that has ended.
+    fn times(&mut self, now: Instant, times: &OrderTimes) {
+        let _ = (now, times);
     }
 }

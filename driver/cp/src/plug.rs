@@ -1,6 +1,6 @@
 //! The firmware's port: it puts the output of a CP into the segment and onto the line, besides the driver's own data.
 
-use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
+use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs, OrderTimes};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
     Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why,
@@ -97,8 +97,8 @@ impl SegmentEnd {
         }
     }
 
-    /// Where the time of orders and telegrams goes.
-    fn account(&mut self, now: Instant, event: &CpEvent<'_>) {
+    /// Where the time of orders and telegrams goes: of one that has ended now.
+    fn account(&mut self, now: Instant, event: &CpEvent<'_>) -> Option<OrderTimes> {
         let ended = match event {
             CpEvent::Startup { .. } => {
                 self.times.forget();
@@ -123,6 +123,7 @@ impl SegmentEnd {
         if let Some(times) = ended {
             self.segment.enter_times(times);
         }
+        ended
     }
 
     /// Shows what the CP waits for, or what has failed.
@@ -243,7 +244,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
 
     fn event(&mut self, now: Instant, event: CpEvent<'_>) {
         self.end.troubles.event(now, &event);
-        self.end.account(now, &event);
+        let times = self.end.account(now, &event);
         match &event {
             CpEvent::Startup { number, reason } => {
                 let reason = u8::from(*reason == StartReason::ResetRequest);
@@ -276,5 +277,8 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
             _ => {}
         }
         self.line.trace(now, &event);
+        if let Some(times) = times {
+            self.line.times(now, &times);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
+use ob1_backplane::OrderTimes;
 use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 use ob1_line::RealLine;
@@ -85,6 +86,12 @@ impl LinePort for ProcessLine {
     fn set_modem_lines(&mut self, _now: Instant, rts: bool, dtr: bool) {
         if let Some(line) = &mut self.line {
             line.set_modem_lines(rts, dtr);
+        }
+    }
+
+    fn times(&mut self, now: Instant, times: &OrderTimes) {
+        if !self.tap.is_alone() {
+            self.tap.tell(now, Kind::Note, tap::stages(times).as_bytes());
         }
     }
 

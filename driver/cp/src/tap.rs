@@ -2,6 +2,7 @@
 
 use std::time::SystemTime;
 
+use ob1_backplane::OrderTimes;
 use ob1_cp::CpType;
 use ob1_firmware::{CpEvent, Instant, LONG_BIT};
 use ob1_params::Protocol341;
@@ -89,6 +90,15 @@ pub(crate) fn words(event: &CpEvent<'_>) -> String {
     }
 }
 
+/// How long each stage of an order or telegram took.
+pub(crate) fn stages(times: &OrderTimes) -> String {
+    let what = if times.is_order { "order" } else { "telegram" };
+    let stages = times.stages().map(|(stage, took)| {
+        format!("{} after {}.{:03} ms", stage.name().replace('_', " "), took / 1_000_000, took / 1000 % 1000)
+    });
+    format!("times of the {what}: {}", stages.collect::<Vec<_>>().join(", "))
+}
+
 /// `1 byte`, `2 bytes`.
 fn bytes(count: usize) -> String {
     if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") }
@@ -101,9 +111,19 @@ fn meaning(number: u16) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use ob1_backplane::Stage;
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn each_stage_is_told_that_is_known() {
+        let mut times = OrderTimes::new(true, 30);
+        for (stage, at) in [(Stage::Posted, 1_000_000), (Stage::Taken, 1_400_500), (Stage::LastOut, 13_400_500)] {
+            times.say(stage, at);
+        }
+        assert_eq!(stages(&times), "times of the order: taken after 0.400 ms, last out after 12.000 ms");
+    }
 
     #[test]
     fn one_byte_is_not_bytes() {

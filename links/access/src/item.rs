@@ -50,6 +50,20 @@ impl Item {
         let (width, reading) = of_type(&typed.ty)?;
         Some(Self { name: typed.name.clone(), cell: typed.cell, width, reading, ty: typed.ty.clone() })
     }
+
+    /// The same place with its type.
+    #[must_use]
+    pub fn typed(&self) -> Typed {
+        Typed { name: self.name.clone(), cell: self.cell, ty: self.ty.clone() }
+    }
+
+    /// Its bits in the bytes of [`Typed::piece`].
+    #[must_use]
+    pub fn bits(&self, bytes: &[u8]) -> u32 {
+        let bits = bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte));
+        let in_byte = self.width == Width::Bit && self.cell.block().is_some();
+        if in_byte { bits >> (self.cell.bit() % 8) & 1 } else { bits }
+    }
 }
 
 /// The names of a program: data block components and symbols.

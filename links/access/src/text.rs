@@ -20,10 +20,7 @@ impl Typed {
     /// The bits in the bytes of [`Typed::piece`]; none: it is more than a single value of up to 32 bits.
     #[must_use]
     pub fn bits(&self, bytes: &[u8]) -> Option<u32> {
-        let item = Item::of(self)?;
-        let bits = bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte));
-        let in_byte = item.width == ob1_model::Width::Bit && self.cell.block().is_some();
-        Some(if in_byte { bits >> (self.cell.bit() % 8) & 1 } else { bits })
+        Item::of(self).map(|item| item.bits(bytes))
     }
 
     /// The same bytes in hexadecimal, as wide as the place is.

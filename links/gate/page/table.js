@@ -1,5 +1,6 @@
 // The variable table: names, forms, values as they change, writing with right, tables that the station keeps.
 import { dialog, h, redraw, tell } from "./kit.js";
+import { recordings } from "./recording.js";
 import { ask, may, state, want } from "./session.js";
 import { curves, note, spark } from "./trend.js";
 import { has, say } from "./words.js";
@@ -169,8 +170,8 @@ export function variables(main) {
     h("div", { class: "row" }, more, offered, button("add", add), button("watch", watch), period),
     h("div", { class: "row" }, choice, button("load", load), button("save", save), button("remove", remove)),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": say("variables") }, h("table", { id: "values" }, h("thead", {}, h("tr", {},
-      ["name", "comment", "type", "value", "trend", "write"].map((key) => h("th", { scope: "col" }, say(key))))), body)), scan, picture);
-  if (!may("write")) main.append(h("p", { class: "quiet" }, say("mayNot", state.session.right)));
+      ["name", "comment", "type", "value", "trend", "write"].map((key) => h("th", { scope: "col" }, say(key))))), body)), scan, picture, recordings());
+  if (!may("write")) picture.before(h("p", { class: "quiet" }, say("mayNot", state.session.right)));
   fill({});
   if (names.value) watch();
   ask("tables").then(fill, (error) => tell(error.message));

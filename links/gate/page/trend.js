@@ -1,16 +1,74 @@
-// The last values of variables as curves: a small one in each row of the table, those that were chosen below it.
+// Values as curves: the last ones of variables, a small curve in each row of the table, those that were chosen below
+// it; and those of a recording.
 import { clock, h, svg } from "./kit.js";
 import { say } from "./words.js";
 
 /** Points that are kept of a variable. */
 const POINTS = 1200;
 /** Curves in the picture. */
-const CURVES = 6;
+export const CURVES = 6;
 
-/** What was seen of a name, as long as this page is open: times and values. */
+/** What a name was: a value from each time on until the next; NaN where it had none. */
+export class Series {
+  times = [];
+  values = [];
+
+  add(time, value) {
+    this.times.push(time);
+    this.values.push(value);
+  }
+
+  /** The same, where only changes matter. */
+  change(time, value) {
+    if (!Object.is(this.values.at(-1), value)) this.add(time, value);
+  }
+
+  /** The place of the last value that had begun by then. */
+  place(time) {
+    let [low, high] = [0, this.times.length];
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.times[middle] <= time) low = middle; else high = middle;
+    }
+    return low;
+  }
+
+  /** The least and the greatest value from one time to another. */
+  bounds(from, to) {
+    let [least, most] = [Infinity, -Infinity];
+    for (let at = this.place(from); at < this.times.length && this.times[at] <= to; at += 1) {
+      const value = this.values[at];
+      if (value < least) least = value;
+      if (value > most) most = value;
+    }
+    return [least, most];
+  }
+
+  /** Steps from value to value: between two looks nobody knows. A column of the picture has at most three of them. */
+  path(from, to, width, height) {
+    const [least, most] = this.bounds(from, to);
+    const y = (value) => (most === least ? height / 2 : height - 2 - (height - 4) * (value - least) / (most - least)).toFixed(1);
+    let [drawn, column, low, high, last] = ["", -1, NaN, NaN, NaN];
+    const step = () => (Number.isNaN(last) ? "" : [...new Set([low, high, last])].map((value) => `V${y(value)}`).join(""));
+    for (let at = this.place(from); at < this.times.length && this.times[at] <= to; at += 1) {
+      const [x, value] = [Math.max(0, Math.round(2 * width * (this.times[at] - from) / Math.max(to - from, 1)) / 2), this.values[at]];
+      if (x !== column || Number.isNaN(value) || Number.isNaN(last)) {
+        drawn += step();
+        if (!Number.isNaN(last)) drawn += `H${x}`;
+        if (Number.isNaN(last) && !Number.isNaN(value)) drawn += `M${x} ${y(value)}`;
+        [column, low, high] = [x, value, value];
+      }
+      [low, high, last] = [Math.min(low, value), Math.max(high, value), value];
+    }
+    return drawn + step() + (Number.isNaN(last) ? "" : `H${width}`);
+  }
+}
+
+/** What was seen of a name, as long as this page is open. */
 const seen = new Map();
 
-const number = (text) => {
+/** A number as it is written; NaN for anything else. */
+export const number = (text) => {
   const value = Number(text);
   return text !== "" && Number.isFinite(value) ? value : NaN;
 };
@@ -19,20 +77,10 @@ const number = (text) => {
 export function note(name, text) {
   const value = number(text);
   if (Number.isNaN(value)) return;
-  const points = seen.get(name) ?? [];
-  seen.set(name, points);
-  points.push([Date.now(), value]);
-  if (points.length > POINTS) points.shift();
-}
-
-const bounds = (points) => points.reduce(([least, most], [, value]) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
-
-/** Steps from point to point: between two looks nobody knows. */
-function path(points, from, to, width, height) {
-  const [least, most] = bounds(points);
-  const x = (at) => (width * (at - from) / Math.max(to - from, 1)).toFixed(1);
-  const y = (value) => (most === least ? height / 2 : height - 2 - (height - 4) * (value - least) / (most - least)).toFixed(1);
-  return points.map(([at, value], place) => place === 0 ? `M${x(at)} ${y(value)}` : `H${x(at)}V${y(value)}`).join("") + `H${width}`;
+  const series = seen.get(name) ?? new Series();
+  seen.set(name, series);
+  series.add(Date.now(), value);
+  if (series.times.length > POINTS) [series.times, series.values].forEach((all) => all.shift());
 }
 
 const picture = (name, width, height, label) =>
@@ -40,22 +88,27 @@ const picture = (name, width, height, label) =>
 
 /** The small curve of a row, or nothing. */
 export function spark(name) {
-  const points = seen.get(name);
-  if (!points) return null;
-  const [least, most] = bounds(points);
-  const drawn = picture("spark", 100, 20, say("trendOf", name, least, most));
-  drawn.append(svg("path", { class: "line", d: path(points, points[0][0], points.at(-1)[0], 100, 20) }));
+  const series = seen.get(name);
+  if (!series) return null;
+  const [from, to] = [series.times[0], series.times.at(-1)];
+  const drawn = picture("spark", 100, 20, say("trendOf", name, ...series.bounds(from, to)));
+  drawn.append(svg("path", { class: "line", d: series.path(from, to, 100, 20) }));
   return drawn;
 }
 
-/** The curves of these names, each from its least to its greatest value, on one axis of time. */
-export function curves(names) {
-  const known = names.filter((name) => seen.has(name)).slice(0, CURVES);
-  if (known.length === 0) return [];
-  const all = known.map((name) => seen.get(name));
-  const [from, to] = [Math.min(...all.map((points) => points[0][0])), Math.max(...all.map((points) => points.at(-1)[0]))];
+/** Curves of series by their names, each from its least to its greatest value, on one axis of time. */
+export function chart(named, from, to, caption, marks = "") {
   const drawn = picture("chart", 600, 160, say("trend"));
-  known.forEach((name, at) => drawn.append(svg("path", { class: `line c${at}`, d: path(all[at], from, to, 600, 160) })));
-  const told = known.map((name, at) => h("li", { class: `c${at}` }, say("trendOf", name, ...bounds(all[at]))));
-  return [h("figure", {}, drawn, h("figcaption", { class: "quiet" }, `${clock(new Date(from))} – ${clock(new Date(to))}`)), h("ul", { class: "legend" }, told)];
+  drawn.append(svg("path", { class: "marks", d: marks }));
+  named.forEach(([, series], at) => drawn.append(svg("path", { class: `line c${at}`, d: series.path(from, to, 600, 160) })));
+  const told = named.map(([name, series], at) => h("li", { class: `c${at}` }, say("trendOf", name, ...series.bounds(from, to))));
+  return [h("figure", {}, drawn, h("figcaption", { class: "quiet" }, caption)), h("ul", { class: "legend" }, told)];
+}
+
+/** The curves of these names as they were seen. */
+export function curves(names) {
+  const known = names.filter((name) => seen.has(name)).slice(0, CURVES).map((name) => [name, seen.get(name)]);
+  if (known.length === 0) return [];
+  const [from, to] = [Math.min(...known.map(([, { times }]) => times[0])), Math.max(...known.map(([, { times }]) => times.at(-1)))];
+  return chart(known, from, to, `${clock(new Date(from))} – ${clock(new Date(to))}`);
 }

@@ -111,7 +111,7 @@ impl Capture {
         let mut row = self.spare.pop().unwrap_or_default();
         let mut taken = Taken::More;
         while taken == Taken::More
-            && rows.take(|found| row.set(&found, &self.settings.signals, &mut self.bytes)).is_some()
+            && rows.take(|found| row.set(&found, &self.settings.items, &mut self.bytes)).is_some()
         {
             let complete;
             (row, complete) = self.row(row, out, room(out.len()));

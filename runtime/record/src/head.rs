@@ -51,40 +51,21 @@ impl Signal {
         let item = Item::of(&Typed { name: self.name.clone(), cell: at.cell, ty }).filter(|i| i.width == at.width);
         item.ok_or_else(|| format!("{}: {} does not hold a {}", self.name, self.address, self.ty))
     }
-
-    /// Its bits in the bytes of its piece.
-    pub(crate) fn bits(&self, bytes: &[u8]) -> u32 {
-        let word = bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte));
-        match self.bit() {
-            Some(bit) => word >> bit & 1,
-            None => word,
-        }
-    }
-
-    /// Of a bit in memory its place in its byte.
-    fn bit(&self) -> Option<u32> {
-        (self.ty == "BOOL").then(|| self.address.rsplit('.').next().and_then(|bit| bit.parse().ok())).flatten()
-    }
 }
 
-/// What is copied of a cell.
-fn piece(item: &Item) -> Piece {
-    match item.cell {
-        Cell::Timer(_) | Cell::Counter(_) | Cell::Peripheral(_) => Piece::Value(item.cell, item.width),
-        Cell::Area(..) | Cell::Db(..) => {
-            Piece::Bytes { at: item.cell.at_bit(item.cell.bit() & !7), len: item.width.bytes() }
-        }
-    }
+/// What is copied of each; a single value always has a piece.
+fn pieces(items: &[Item]) -> impl Iterator<Item = Piece> {
+    items.iter().filter_map(|item| item.typed().piece())
 }
 
 /// What is copied of a CPU for these items, in their order.
 pub(crate) fn frame(items: &[Item]) -> Frame {
-    Frame::of(items.iter().map(piece).collect::<Vec<_>>())
+    Frame::of(pieces(items).collect::<Vec<_>>())
 }
 
 /// Whether one recording can have them all.
 pub(crate) fn piece_fits(items: &[Item]) -> bool {
-    ob1_model::fits_a_share(items.iter().map(piece))
+    ob1_model::fits_a_share(pieces(items))
 }
 
 /// A cell as [`Names`] reads it.
@@ -133,8 +114,7 @@ pub fn datum(item: &Item, bits: u32) -> Option<Datum> {
         return None;
     }
     let bytes = bits.to_be_bytes();
-    let typed = Typed { name: String::new(), cell: item.cell, ty: item.ty.clone() };
-    typed.value(bytes.get(4 - item.width.bytes() as usize..)?)
+    item.typed().value(bytes.get(4 - item.width.bytes() as usize..)?)
 }
 
 /// The clocks of the machine when the clock of the recording showed 0, in nanoseconds.
@@ -198,11 +178,11 @@ mod tests {
         let item = Item { ty: DataType::Int, ..Names::default().parse("MW10").expect("a word") };
         let item = Item::of(&Typed { name: item.name, cell: item.cell, ty: DataType::Int }).expect("a number");
         let signal = Signal::of(&item);
-        assert_eq!((signal.item().map(|i| i.reading), signal.bits(&[0xFF, 0xFE])), (Ok(Reading::Signed), 0xFFFE));
+        assert_eq!(signal.item().map(|item| item.reading), Ok(Reading::Signed));
         assert_eq!(number(&item, 0xFFFE), -2.0);
         let wrong = Signal { ty: "REAL".into(), ..signal };
         assert!(wrong.item().is_err());
-        let bit = Signal { name: "b".into(), address: "M1.5".into(), ty: "BOOL".into() };
+        let bit = Signal { name: "b".into(), address: "M1.5".into(), ty: "BOOL".into() }.item().expect("a bit");
         assert_eq!((bit.bits(&[0x20]), bit.bits(&[0xDF])), (1, 0));
     }
 }

@@ -1,10 +1,9 @@
 //! A row of a recording: what the memory held at a cycle control point, and the scan that had ended before it.
 
+use ob1_access::Item;
 use ob1_cpu::{Flags, ScanRecord};
 use ob1_model::{Head as Word, OperatingState};
 use ob1_time::{Instant, Span};
-
-use crate::Signal;
 
 /// The scan before a cycle control point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,13 +74,13 @@ pub(crate) const COLUMNS: usize = 16;
 
 impl Row {
     /// Fills this row from one of the CPU, and keeps its memory.
-    pub fn set(&mut self, row: &ob1_cpu::Row<'_>, signals: &[Signal], bytes: &mut Vec<u8>) {
+    pub fn set(&mut self, row: &ob1_cpu::Row<'_>, items: &[Item], bytes: &mut Vec<u8>) {
         (self.point, self.time, self.state) = (row.point, row.time, row.state);
         (self.lost, self.lost_runs, self.scan) = (row.lost, row.lost_runs, Scan::from(&row.scan));
         self.values.clear();
-        for (index, signal) in signals.iter().enumerate() {
+        for (index, item) in items.iter().enumerate() {
             bytes.clear();
-            let read = row.read(index, bytes).map(|()| signal.bits(bytes));
+            let read = row.read(index, bytes).map(|()| item.bits(bytes));
             self.values.push(Word::of(read).word());
         }
     }

@@ -6,6 +6,7 @@ mod common;
 mod alarm_texts;
 mod browser;
 mod browser_program;
+mod browser_recording;
 mod compare;
 mod cp341;
 mod cp343;

@@ -209,6 +209,10 @@ fn the_lines_are_on_the_same_axis() {
     assert!(out >= done && out <= ended.len() + 3, "{out} telegrams, {done} orders");
     let controls = names("cp line / out");
     assert!(controls.iter().filter(|name| name.starts_with("STX")).count() + 2 >= out, "{controls:?}");
+    let notes = names("cp line / line");
+    let stages = notes.iter().filter(|note| note.starts_with("times of the order: taken after "));
+    let whole = stages.filter(|note| note.contains(" last out after ") && note.contains(" given after ")).count();
+    assert!(whole + 1 >= done, "{notes:?}");
     let processes = names("drivers and links");
     assert!(processes.starts_with(&["cp is gone".to_owned(), "cp is up".to_owned()]), "{processes:?}");
     assert!(names("diagnostic buffer").iter().any(|name| name.starts_with("F2")), "the driver's loss");

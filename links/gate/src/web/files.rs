@@ -40,6 +40,7 @@ static FILES: &[File] = &[
     script!("table.js"),
     script!("stop.js"),
     script!("trend.js"),
+    script!("recording.js"),
     script!("program.js"),
     script!("why.js"),
     script!("io.js"),

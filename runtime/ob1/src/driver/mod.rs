@@ -11,7 +11,7 @@ mod watch;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
@@ -65,7 +65,7 @@ struct TestArgs {
     /// Drivers tested at the same time
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     jobs: u8,
-    /// Begin no further seeds after this many that broke a rule
+    /// End after this many seeds that broke a rule
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     breaks: u32,
     /// Write the results as JUnit XML: a test case for each rule
@@ -92,6 +92,8 @@ struct Finding {
 struct Findings {
     broken: Mutex<Vec<Finding>>,
     refused: Mutex<Option<String>>,
+    /// No more is wanted.
+    enough: AtomicBool,
     steps: AtomicU64,
     next: AtomicU64,
     seeds: AtomicUsize,
@@ -132,31 +134,29 @@ fn work(findings: &Findings, program: &Path, args: &TestArgs, end: u64) {
     };
     loop {
         let seed = findings.next.fetch_add(1, Ordering::Relaxed);
-        let enough = locked(&findings.broken).len() >= args.breaks as usize || locked(&findings.refused).is_some();
-        if seed >= end || enough {
+        if seed >= end || findings.enough.load(Ordering::Relaxed) {
             return;
         }
-        let mut rig = match Rig::new(&command, args.cp, seed) {
-            Ok(rig) => rig,
-            Err(Breach::System(text)) => return refuse(findings, text),
-            Err(Breach::Rule(..)) => continue,
-        };
-        rig.tells = args.seed.is_some();
-        let outcome = play(&mut rig, seed);
-        findings.steps.fetch_add(rig.steps, Ordering::Relaxed);
-        findings.seeds.fetch_add(1, Ordering::Relaxed);
-        match outcome {
-            Ok(()) => {}
-            Err(Breach::Rule(rule, found)) => {
-                locked(&findings.broken).push(Finding { rule, seed, step: rig.step.clone(), found });
+        let played = Rig::new(&command, args.cp, seed, &findings.enough).and_then(|mut rig| {
+            rig.tells = args.seed.is_some();
+            let outcome = play(&mut rig, seed);
+            findings.steps.fetch_add(rig.steps, Ordering::Relaxed);
+            findings.seeds.fetch_add(1, Ordering::Relaxed);
+            match outcome {
+                Err(Breach::Rule(rule, found)) => {
+                    let mut broken = locked(&findings.broken);
+                    broken.push(Finding { rule, seed, step: rig.step.clone(), found });
+                    findings.enough.fetch_or(broken.len() >= args.breaks as usize, Ordering::Relaxed);
+                    Ok(())
+                }
+                other => other,
             }
-            Err(Breach::System(text)) => return refuse(findings, text),
+        });
+        if let Err(Breach::System(text)) = played {
+            *locked(&findings.refused) = Some(text);
+            findings.enough.store(true, Ordering::Relaxed);
         }
     }
-}
-
-fn refuse(findings: &Findings, text: String) {
-    *locked(&findings.refused) = Some(text);
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {

@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::process::Stdio;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ob1_backplane::{CpuSide, CpuState, Event, EventKind, Fault, Segment};
 use ob1_host::driver::{Doorbell, DriverCommand, Process};
@@ -14,10 +15,11 @@ use ob1_time::{Instant, Span, WatchedTime};
 use rustix::fs::{FlockOperation, fcntl_lock};
 use rustix::io::{Errno, ioctl_fionread};
 use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::line::Line;
 use super::rules::Rule;
-use super::watch::{Watch, set, word};
+use super::watch::{Watch, offset, set, word};
 
 /// How long a driver may take for what it does at once; a busy machine needs more than a driver.
 pub(super) const SOON: Span = Span::from_secs(5);
@@ -25,6 +27,8 @@ pub(super) const SOON: Span = Span::from_secs(5);
 const END: Span = Span::from_secs(2);
 /// How long the kit watches that something does not happen.
 pub(super) const WHILE: Span = Span::from_millis(60);
+/// Turns of a loop in which the kit waits for what a driver does at once.
+const TURNS: u32 = 20_000;
 /// A gap between two looks that counts for a driver's patience: the machine has stood still.
 const GAP: Span = Span::from_millis(500);
 /// A driver that waits for a core gets its time this often again.
@@ -40,6 +44,8 @@ pub(super) enum Breach {
     Rule(Rule, String),
     /// The system refused what the kit needs.
     System(String),
+    /// Enough was found elsewhere.
+    Enough,
 }
 
 /// The outcome of a check.
@@ -64,6 +70,7 @@ impl From<io::Error> for Breach {
 /// A test bench for one seed.
 pub(super) struct Rig<'a> {
     command: &'a DriverCommand,
+    enough: &'a AtomicBool,
     pub(super) kind: CpKind,
     pub(super) segment: Segment,
     cpu: CpuSide,
@@ -91,12 +98,13 @@ pub(super) struct Rig<'a> {
 }
 
 impl<'a> Rig<'a> {
-    pub(super) fn new(command: &'a DriverCommand, kind: CpKind, seed: u64) -> Checked<Self> {
+    pub(super) fn new(command: &'a DriverCommand, kind: CpKind, seed: u64, enough: &'a AtomicBool) -> Checked<Self> {
         let segment = Segment::create_shared().map_err(Breach::system)?;
         let cpu = CpuSide::create(&segment, 16).map_err(Breach::system)?;
         let (bell, ear) = Doorbell::new()?;
         Ok(Self {
             command,
+            enough,
             kind,
             watch: Watch::new(&segment),
             segment,
@@ -146,6 +154,9 @@ impl<'a> Rig<'a> {
 
     /// One look at everything that holds at every moment.
     pub(super) fn look(&mut self) -> Checked {
+        if self.enough.load(Ordering::Relaxed) {
+            return Err(Breach::Enough);
+        }
         self.line.take();
         let now = self.now();
         let Some(driver) = &mut self.driver else { return Ok(()) };
@@ -244,10 +255,11 @@ impl<'a> Rig<'a> {
                 let _ = group.map(|group| kill_process_group(group, Signal::KILL));
                 return Ok(exit);
             }
-            if self.now() > end && !process.is_starved() {
+            let enough = self.enough.load(Ordering::Relaxed);
+            if enough || self.now() > end && !process.is_starved() {
                 process.kill();
                 process.wait();
-                return Breach::of(rule, "it has not ended after 5 s");
+                return if enough { Err(Breach::Enough) } else { Breach::of(rule, "it has not ended after 5 s") };
             }
             self.sleep(Span::from_micros(500));
         }
@@ -410,6 +422,53 @@ impl<'a> Rig<'a> {
             self.ring();
         }
         Ok(())
+    }
+
+    /// Driver and kit on cores of their own, if there are two: what happens at the same time needs them.
+    pub(super) fn apart<T>(&mut self, play: impl FnOnce(&mut Self) -> T) -> T {
+        let mine = sched_getaffinity(None).unwrap_or_default();
+        let mut cores: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|core| mine.is_set(*core)).collect();
+        self.rng.shuffle(&mut cores);
+        let driver = self.pid();
+        let settle = |all: [&CpuSet; 2]| {
+            // A system that refuses makes the moments rarer.
+            let _ = sched_setaffinity(None, all[0]);
+            let _ = driver.map(|driver| sched_setaffinity(Some(driver), all[1]));
+        };
+        if let [first, second, ..] = cores[..] {
+            let of = |core| {
+                let mut set = CpuSet::new();
+                set.set(core);
+                set
+            };
+            settle([&of(first), &of(second)]);
+        }
+        let played = play(self);
+        settle([&mine; 2]);
+        played
+    }
+
+    /// Wakes a driver that sleeps, without news, and writes `TX` so many turns of a loop after it shows that it is
+    /// awake; true: it had announced its sleep before. Nothing else is done between: moments are tens of nanoseconds.
+    pub(super) fn put_drowsy(&mut self, delay: u32, tx: u16) -> Checked<bool> {
+        self.look()?;
+        self.outputs[2..4].copy_from_slice(&tx.to_be_bytes());
+        let (outputs, segment) = (self.outputs, self.segment.clone());
+        let Some(sleeping) = segment.word(offset("doorbell.sleeping")) else { return Ok(false) };
+        let sleeps = |wanted: u64| (0..TURNS).any(|_| sleeping.load(Ordering::Relaxed) == wanted);
+        sleeps(1);
+        self.ring();
+        sleeps(0);
+        for turn in 0..delay {
+            std::hint::black_box(turn);
+        }
+        let slept = self.cpu.post(&outputs);
+        if slept {
+            self.ring();
+        }
+        self.watch.accept();
+        (0..TURNS).any(|_| self.words().1 == tx);
+        Ok(slept)
     }
 
     /// A byte into the doorbell.

@@ -3,8 +3,7 @@
 //! One packet sequence, on CLOCK_MONOTONIC. Packets come in the order of their times: what happened is known a little
 //! later than the rows around it, so packets wait until nothing older can come.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use ob1_access::{Item, Reading};
@@ -27,32 +26,6 @@ const SEQUENCE: u32 = 1;
 const STATION: u64 = 1;
 /// Older than the newest row by this, in nanoseconds, nothing comes any more.
 const WAIT: u64 = 10_000_000_000;
-
-/// A packet that waits: its time, and its turn among those of the same time.
-struct Waiting {
-    at: (u64, u64),
-    event: TrackEvent,
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.at == other.at
-    }
-}
-
-impl Eq for Waiting {}
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.at.cmp(&other.at)
-    }
-}
 
 /// Names that were sent once and have a number since.
 #[derive(Default)]
@@ -83,7 +56,8 @@ pub(super) struct Perfetto<W: Write> {
     tracks: BTreeMap<(u64, String), u64>,
     annotations: Interned,
     names: Interned,
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// Packets that wait, by their time and their turn among those of the same time.
+    waiting: BTreeMap<(u64, u64), TrackEvent>,
     turn: u64,
     newest: u64,
     signals: Vec<u64>,
@@ -113,7 +87,7 @@ impl<W: Write> Perfetto<W> {
             tracks: BTreeMap::new(),
             annotations: Interned::default(),
             names: Interned::default(),
-            waiting: BinaryHeap::new(),
+            waiting: BTreeMap::new(),
             turn: 0,
             newest: 0,
             signals: Vec::new(),
@@ -195,7 +169,7 @@ impl<W: Write> Perfetto<W> {
 
     fn wait(&mut self, time: Instant, event: TrackEvent) {
         self.turn += 1;
-        self.waiting.push(Reverse(Waiting { at: (time.nanos(), self.turn), event }));
+        self.waiting.insert((time.nanos(), self.turn), event);
     }
 
     fn slice(&mut self, track: u64, name: &str, from: Instant, to: Instant, notes: Vec<DebugAnnotation>) {
@@ -396,8 +370,8 @@ impl<W: Write> Perfetto<W> {
 
     /// Writes what waits and is older than this.
     fn release(&mut self, until: u64) -> io::Result<()> {
-        while self.waiting.peek().is_some_and(|waiting| waiting.0.at.0 < until) {
-            let Some(Reverse(Waiting { at: (time, _), mut event })) = self.waiting.pop() else { break };
+        while let Some(first) = self.waiting.first_entry().filter(|first| first.key().0 < until) {
+            let ((time, _), mut event) = first.remove_entry();
             if let Some(name) = event.name.take() {
                 event.name_iid = Some(self.names.number(&name));
             }
