@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, fleet, io, kill_runtime,
-    line, machine_code, memory, record, s7, scan, stations, stl, wake, watch, written,
+    Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, fleet, io,
+    kill_runtime, line, machine_code, memory, record, s7, scan, stations, stl, wake, watch, written,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--write] [--triples N] [--seconds S]
