@@ -189,7 +189,8 @@ pub(super) fn own_kib(pid: u32) -> Result<u64, Failure> {
         let lines = text.lines().filter_map(|line| line.strip_prefix(name));
         lines.filter_map(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).sum()
     };
-    Ok(of("Private_Clean:") + of("Private_Dirty:"))
+    // Pages that are private and clean are those of its program, where no other runs it.
+    Ok(of("Private_Dirty:"))
 }
 
 /// User and system time of all stations, in ticks.
