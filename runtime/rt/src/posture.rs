@@ -82,8 +82,8 @@ pub fn lock_memory() -> Grant {
     }
 }
 
-/// Gives back freed memory, and the pages of programs and libraries: those that are still needed come back from the page
-/// cache in the first scans. Half of the code is for reading and compiling a station.
+/// Gives back freed memory, and the pages of programs and libraries: those that are still needed come back from the
+/// page cache in the first scans. Half of the code is for reading and compiling a station.
 fn give_back() {
     #[cfg(target_env = "gnu")]
     // SAFETY: it has no preconditions.

@@ -63,8 +63,8 @@ END_DATA_BLOCK
 
 /// What OB 1 begins with: machine code cannot know the pointers that a block with a loop makes.
 const BEGIN: &str = "CALL FC 12;\n";
-/// Kinds of statements: a name, an example, and how many statements that is. `@` is the number of its copy, `@n` the byte
-/// that is `n` behind the first of its own.
+/// Kinds of statements: a name, an example, and how many statements that is. `@` is the number of its copy, `@n` the
+/// byte that is `n` behind the first of its own.
 const KINDS: [(&str, &str, usize); 22] = [
     ("bit logic", "U M @0.0; O M @0.1; UN M @1.2; = M @1.3;", 4),
     ("brackets", "U(; O M @0.0; O M @0.1; ); U M @1.2; = M @1.3;", 6),

@@ -1,5 +1,5 @@
-//! `--write`: the tables of docs/figures.md, each between `<!-- bench NAME -->` and `<!-- end -->`, with command, date and
-//! machine.
+//! `--write`: the tables of docs/figures.md, each between `<!-- bench NAME -->` and `<!-- end -->`, with command, date
+//! and machine.
 
 use std::fmt::Write as _;
 use std::process::Command;

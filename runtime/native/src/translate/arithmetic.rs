@@ -27,11 +27,11 @@ pub(crate) const fn condition(compare: Compare) -> IntCC {
     }
 }
 
-/// A factor and a shift that divide 16 bits with their sign: `(x * factor >> shift) + (x < 0)` is `x / divisor`, rounded
-/// towards 0, and the product has 32 bits. Powers of two need no factor; the compiler shifts.
+/// A factor and a shift that divide 16 bits with their sign: `(x * factor >> shift) + (x < 0)` is `x / divisor`,
+/// rounded towards 0, and the product has 32 bits. Powers of two need no factor; the compiler shifts.
 ///
-/// The factor is a little above `2^shift / divisor`. What that adds is less than `1 / divisor`, as `shift` is 15 bits of
-/// `x` more than the bits of the divisor.
+/// The factor is a little above `2^shift / divisor`. What that adds is less than `1 / divisor`, as `shift` is 15 bits
+/// of `x` more than the bits of the divisor.
 const fn reciprocal(divisor: i32) -> Option<(i32, u32)> {
     if divisor < 3 || divisor > i16::MAX as i32 || divisor.count_ones() == 1 {
         return None;

@@ -2,8 +2,8 @@
 //! writes to one place become one. Bytes of a word are taken from it, and a word is put together from its bytes: a
 //! processor that reads from memory what it has just written in other pieces waits until all of them have arrived.
 //!
-//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet) everything is written; before
-//! an access whose place is computed, whatever it can reach.
+//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet) everything is written;
+//! before an access whose place is computed, whatever it can reach.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
