@@ -33,7 +33,7 @@ pub(crate) fn mark(blocks: &mut [Block]) {
             };
             match length {
                 Some(length) if straight + length <= STRAIGHT => {
-                    (call.safe_point, straight) = (false, straight + length)
+                    (call.safe_point, straight) = (false, straight + length);
                 }
                 _ => (call.safe_point, straight) = (true, 0),
             }
