@@ -9,7 +9,7 @@ use ob1_time::Span;
 use ob1_words::cp240::STARTUP;
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, ftruncate, memfd_create};
 
-use super::rig::{Breach, Checked, Rig};
+use super::rig::{Breach, Checked, Rig, WHILE};
 use super::rules::Rule;
 use super::watch::{sequences, set, word};
 
@@ -286,7 +286,16 @@ pub(super) fn second(rig: &mut Rig<'_>) -> Checked {
         let starts = word(&rig.segment, "counters", Counter::DriverStarts as usize);
         (rig.inputs(), word(&rig.segment, "cp.generation", 0), word(&rig.segment, "cp.state", 0), starts)
     };
-    let before = shown(rig);
+    let mut before = shown(rig);
+    // The first one may just be showing the state of its line.
+    for _ in 0..50 {
+        rig.sleep(WHILE);
+        let now = shown(rig);
+        if now == before {
+            break;
+        }
+        before = now;
+    }
     let file = rig.descriptor()?;
     let exit = rig.start_beside(file.as_fd(), Rule::Second)?;
     let after = shown(rig);
