@@ -56,14 +56,8 @@ impl ChannelEnd {
     }
 
     /// Writes a block; true if it differs from the last one.
-    pub(crate) fn write(
-        &mut self,
-        cells: &ChannelsCells,
-        channel: Channel,
-        block: &ChannelBlock,
-        before: impl FnOnce(),
-    ) -> bool {
-        self.writers[channel as usize].write(cell(cells, channel, self.writes), block, before)
+    pub(crate) fn write(&mut self, cells: &ChannelsCells, channel: Channel, block: &ChannelBlock) -> bool {
+        self.writers[channel as usize].write(cell(cells, channel, self.writes), block)
     }
 
     /// Copies the block of the other side.

@@ -151,7 +151,7 @@ impl CpSide {
     /// bytes beyond `io_bytes` are ignored.
     #[inline]
     pub fn write_inputs(&mut self, data: &[u8]) -> bool {
-        self.inputs.write(&self.segment.cells().inputs.registers, data, || ())
+        self.inputs.write(&self.segment.cells().inputs.registers, data)
     }
 
     /// Whether parameters have been transferred since [`Self::read_params`] was last fresh.
@@ -203,7 +203,7 @@ impl CpSide {
 
     /// Writes a block of a channel for the CPU; true if it differs from the last one.
     pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
-        self.channels.write(&self.segment.cells().channels, channel, block, || ())
+        self.channels.write(&self.segment.cells().channels, channel, block)
     }
 
     /// Whether the CPU has written a block of the channel since the last read.

@@ -103,6 +103,7 @@ impl CpuSide {
     #[inline]
     fn changed(&mut self) {
         self.changes = self.changes.wrapping_add(1);
+        self.cells().times.posted.store(self.begun, Ordering::Relaxed);
         self.cells().outputs.changes.store(self.changes, Ordering::Release);
         self.bell_due = true;
     }
@@ -111,9 +112,7 @@ impl CpuSide {
     /// not reach keep their value, bytes beyond `io_bytes` are ignored.
     #[inline]
     pub fn write_outputs(&mut self, data: &[u8]) -> bool {
-        let (cells, begun) = (self.monitor.cells(), self.begun);
-        let posts = || cells.times.posted.store(begun, Ordering::Relaxed);
-        let changed = self.outputs.write(&cells.outputs.registers, data, posts);
+        let changed = self.outputs.write(&self.monitor.cells().outputs.registers, data);
         if changed {
             self.changed();
         }
@@ -209,9 +208,7 @@ impl CpuSide {
 
     /// Writes a block of a channel for the CP; true if it differs from the last one (if not, nothing is written).
     pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
-        let (cells, begun) = (self.monitor.cells(), self.begun);
-        let posts = || cells.times.posted.store(begun, Ordering::Relaxed);
-        let changed = self.channels.write(&cells.channels, channel, block, posts);
+        let changed = self.channels.write(&self.monitor.cells().channels, channel, block);
         if changed {
             self.changed();
         }

@@ -51,31 +51,30 @@ impl RegisterWriter {
     }
 
     /// Writes `data` over the beginning of the registers; true if that changed anything. Bytes that `data` does not
-    /// reach keep their value, bytes beyond the registers are ignored. `before` runs before a change can be seen.
+    /// reach keep their value, bytes beyond the registers are ignored.
     #[inline]
-    pub(crate) fn write(&mut self, cell: &SeqCell<IO_WORDS>, data: &[u8], before: impl FnOnce()) -> bool {
+    pub(crate) fn write(&mut self, cell: &SeqCell<IO_WORDS>, data: &[u8]) -> bool {
         if self.io.get() == 16
             && let ([low, high], []) = data.as_chunks::<8>()
         {
             let words = [u64::from_ne_bytes(*low), u64::from_ne_bytes(*high)];
-            return self.replace(cell, words, before);
+            return self.replace(cell, words);
         }
-        self.write_any(cell, data, before)
+        self.write_any(cell, data)
     }
 
     #[inline]
-    fn replace<const N: usize>(&mut self, cell: &SeqCell<IO_WORDS>, words: [u64; N], before: impl FnOnce()) -> bool {
+    fn replace<const N: usize>(&mut self, cell: &SeqCell<IO_WORDS>, words: [u64; N]) -> bool {
         let Some(last) = self.last.first_chunk_mut::<N>() else { return false };
         if *last == words {
             return false;
         }
         *last = words;
-        before();
         cell.write(words.into_iter());
         true
     }
 
-    fn write_any(&mut self, cell: &SeqCell<IO_WORDS>, data: &[u8], before: impl FnOnce()) -> bool {
+    fn write_any(&mut self, cell: &SeqCell<IO_WORDS>, data: &[u8]) -> bool {
         let mut words = self.last;
         let len = data.len().min(self.io.get());
         overlay(&mut words, data.get(..len).unwrap_or_default());
@@ -83,7 +82,6 @@ impl RegisterWriter {
             return false;
         }
         self.last = words;
-        before();
         cell.write(words.into_iter().take(self.io.words()));
         true
     }

@@ -245,9 +245,7 @@ impl CpPump {
         if self.end.segment.read_outputs(outputs) == Freshness::Stale {
             self.look_again = true;
         }
-        // At a start-up the words are no count of bytes.
-        let starts = outputs.first().is_some_and(|echo| echo & 0x80 != 0);
-        if !starts && outputs.get(2..4).is_some_and(|count| count[0] & 0x80 == 0 && count != [0, 0]) {
+        if outputs.get(2..4).is_some_and(|count| count[0] & 0x80 == 0 && count != [0, 0]) {
             self.end.times.posted(self.end.segment.posted());
         }
         self.step(now, CpInput::Outputs(outputs), line);

@@ -26,9 +26,9 @@ impl Tracker {
         self.origin.map_or(0, |origin| origin.saturating_add(now.nanos()))
     }
 
-    /// The CPU shows a part of an order, since this time; 0: it does not say.
+    /// The CPU shows a part of an order.
     pub(crate) fn posted(&mut self, at: u64) {
-        self.posted = self.posted.or((at != 0).then_some(at));
+        self.posted.get_or_insert(at);
     }
 
     /// No order is being handed over.
@@ -120,7 +120,6 @@ mod tests {
     fn an_order_has_all_its_times() {
         let mut tracker = Tracker { origin: Some(1_000_000), ..Tracker::default() };
         let at = Instant::from_micros;
-        tracker.posted(0);
         tracker.posted(1_000_100);
         tracker.posted(1_000_200);
         tracker.taken(at(1), 30);

@@ -1,15 +1,13 @@
 //! Calls known at load: those of small blocks, which become part of their callers without a frame, and those whose
 //! parameters and instance lie at known places.
 
-use ob1_cpu::engine::{Call, CallTarget, Callee, Db, InSource, InstanceOf, OutTarget, Plan, RefArg};
+use ob1_cpu::engine::{Call, CallTarget, Callee, Db, InSource, InstanceOf, OutTarget, Plan, RefArg, SHORT_BLOCK};
 use ob1_ir::{CallMode, Number, Op, Place};
 use ob1_model::{Area, BlockId, BlockKind};
 
 use crate::flow::{self, Env, How};
 use crate::place;
 
-/// Most statements of a block that becomes part of its callers.
-const STATEMENTS: usize = 48;
 /// AR2 of a function block with an instance of its own.
 pub(crate) const INSTANCE: u32 = (Area::Db.pointer_code() as u32) << 24;
 
@@ -80,7 +78,7 @@ pub(crate) fn simple(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
 fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
     let code = &plan.blocks[block as usize];
     let (id, kind) = (code.id, code.id.kind);
-    if code.stmts.len() > STATEMENTS
+    if code.stmts.len() > SHORT_BLOCK
         || !matches!(kind, BlockKind::Fc | BlockKind::Fb)
         || (kind == BlockKind::Fb) != instance
     {

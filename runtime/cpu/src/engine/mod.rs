@@ -69,7 +69,7 @@ pub use jump::condition;
 pub use operand::{OWN_LOCAL, POINTER_BITS, RAW};
 pub use plan::{
     AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Executed, Formal, InSource, InstanceIn,
-    InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
+    InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, SHORT_BLOCK, Scan, Signature, Signatures,
 };
 pub(crate) use plan::{Constants, Lowering, collect, lower, mark_safe_points, writes_param};
 pub use probe::{Entered, Slow, Watched};

@@ -64,6 +64,13 @@ impl Cache {
         self.held.iter().map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
+    /// The oldest of the places that wait to be written, if there are too many.
+    fn waits_for_room(&self) -> Option<(Part, u32)> {
+        let waiting = self.held.iter().filter(|(_, held)| held.waits);
+        let oldest = waiting.clone().min_by_key(|(_, held)| held.age).map(|(key, _)| *key);
+        oldest.filter(|_| waiting.count() > WAITING)
+    }
+
     /// Forgets the oldest places when there are too many.
     fn limit(&mut self) {
         while self.held.len() > KNOWN
@@ -293,12 +300,8 @@ impl Translation<'_, '_> {
             self.cut_off(other, spot.offset, spot.offset + bytes);
         }
         self.know((part, spot.offset, bytes), value, true, reach);
-        let waiting = self.checked.cache.held.iter().filter(|(_, held)| held.waits);
-        let over = waiting.clone().count().saturating_sub(WAITING);
-        let mut waiting: Vec<_> = waiting.map(|(key, held)| (held.age, *key)).collect();
-        waiting.sort_unstable();
-        for (_, key) in waiting.into_iter().take(over) {
-            self.write_held(key);
+        while let Some(oldest) = self.checked.cache.waits_for_room() {
+            self.write_held(oldest);
         }
         self.checked.cache.limit();
     }

@@ -12,10 +12,6 @@ impl Translation<'_, '_> {
             return;
         }
         let n = u32::from(count);
-        let mask16 = |t: &mut Self, v: Value| {
-            let mask = t.word(0xFFFF);
-            t.b.ins().band(v, mask)
-        };
         // The result, and a value whose bit 0 was shifted out last.
         let (result, out) = match kind {
             Shift::LeftWord => {
@@ -30,7 +26,8 @@ impl Translation<'_, '_> {
             }
             Shift::RightWord => {
                 let low = self.accu_low(0);
-                let low = mask16(self, low);
+                let mask = self.word(0xFFFF);
+                let low = self.b.ins().band(low, mask);
                 let n = n.min(17);
                 (self.shifted(low, n, Shift::RightDWord), self.shifted(low, n - 1, Shift::RightDWord))
             }

@@ -21,6 +21,7 @@ pub(crate) use lower::{lower, writes_param};
 pub(crate) use lower_call::collect;
 pub(crate) use lowering::{Constants, Lowering};
 pub use op::{AREA_IN_POINTER, Base, Op, Scan};
+pub use safe_points::SHORT_BLOCK;
 pub(crate) use safe_points::mark as mark_safe_points;
 pub use signature::{Formal, Signature, Signatures};
 

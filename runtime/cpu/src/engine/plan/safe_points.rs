@@ -4,15 +4,15 @@ use ob1_model::BlockKind;
 
 use super::{Block, CallTarget, Callee, Op};
 
-/// Most statements of a block in front of which there may be no safe point.
-const SHORT: usize = 48;
+/// Most statements of a block in front of which there may be no safe point. Engines may make it part of its callers.
+pub const SHORT_BLOCK: usize = 48;
 /// Statements of straight code between two safe points, at most, those of short blocks included.
 const STRAIGHT: u32 = 256;
 
 /// The statements that a run of the block has at most, and its end, if it is short: without loops and calls.
 fn short(block: &Block) -> Option<u32> {
     let is_called = matches!(block.id.kind, BlockKind::Fc | BlockKind::Fb);
-    (is_called && !block.loops && block.calls.is_empty() && block.stmts.len() <= SHORT)
+    (is_called && !block.loops && block.calls.is_empty() && block.stmts.len() <= SHORT_BLOCK)
         .then_some(block.ops.len() as u32)
 }
 
