@@ -129,13 +129,20 @@ impl CpuSide {
     #[inline]
     pub fn read_inputs_from(&mut self, at: usize, into: &mut [u8]) -> Freshness {
         let registers = &self.monitor.cells().inputs.registers;
-        // All 16 bytes of a CP are passed on from processor registers. The copy has just been written in 8-byte pieces;
-        // a wider read of it would stall the processor.
-        if let (0, 16, ([low, high], [])) = (at, self.io.get(), into.as_chunks_mut::<8>())
+        // The 16 bytes of a CP are passed on from processor registers. The copy has just been written in 8-byte pieces;
+        // a wider read of it would stall the processor. The first of them are the count words, which idle blocks read.
+        if self.io.get() == 16
             && let Some([first, second]) = self.inputs.try_two(registers)
         {
-            (*low, *high) = (first.to_ne_bytes(), second.to_ne_bytes());
-            return Freshness::Fresh;
+            let (first, second) = (first.to_ne_bytes(), second.to_ne_bytes());
+            if let (0, ([low, high], [])) = (at, into.as_chunks_mut::<8>()) {
+                (*low, *high) = (first, second);
+                return Freshness::Fresh;
+            }
+            if let Some(from) = first.get(at..at + into.len()) {
+                into.copy_from_slice(from);
+                return Freshness::Fresh;
+            }
         }
         let freshness = self.inputs.read(registers, self.io.words());
         let len = into.len().min(self.io.get().saturating_sub(at));

@@ -5,7 +5,7 @@ use ob1_model::{BitAddr, BlockId, BlockKind};
 use crate::place::{Number, Operand};
 
 /// Which block is called.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// A block known by number.
     Block(BlockId),
@@ -17,7 +17,7 @@ pub enum Target {
 }
 
 /// How it is called.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CallMode {
     /// `CALL`: with actual parameters.
     Call,
@@ -28,7 +28,7 @@ pub enum CallMode {
 }
 
 /// An actual parameter, as the callee gets it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Hash)]
 pub enum Arg {
     /// Not supplied (allowed for an FB's parameters: the instance keeps its value).
     Open,
@@ -53,7 +53,7 @@ pub enum Arg {
 }
 
 /// A call statement with its actuals.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Hash)]
 pub struct Call {
     /// How it is called: `CALL`, `UC` or `CC`.
     pub mode: CallMode,

@@ -332,7 +332,7 @@ impl Op {
 }
 
 /// One statement's operation. Jump targets are statement indices in the same block.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Hash)]
 pub enum Op {
     /// `U UN O ON X XN operand`.
     Scan {

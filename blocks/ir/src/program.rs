@@ -7,7 +7,7 @@ use crate::op::Op;
 use crate::place::Place;
 
 /// A statement with its place in the source.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Hash)]
 pub struct Stmt {
     /// The operation that it does.
     pub op: Op,

@@ -101,16 +101,18 @@ pub(crate) fn lower(
         lints.block(id, block, info, &code, file, sink);
     }
     let mut interface = info.interface.clone();
-    let own = interface.temp_bytes.max(CodeBlock::local_bytes(&code)).next_multiple_of(2);
+    let used = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
+    let own = used.next_multiple_of(2);
     if own + hidden.bytes() > LONGEST {
         sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
         return None;
     }
+    let is_whole = around.is_empty() && info.initial_call.is_none();
     let mut code = expand::expand(code, around, &hidden, own);
     if let Some(at) = info.initial_call {
         code = expand::begin_with(initial_call(at), code);
     }
-    interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
+    interface.temp_bytes = if is_whole { used } else { used.max(CodeBlock::local_bytes(&code)) };
     let name = block.shown_name();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
 }

@@ -1,7 +1,7 @@
 //! Addresses in the arena: bytes and bits are two types, so that one cannot be taken for the other.
 
 /// A byte of the arena, counted from its first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]
 pub struct ArenaByte(pub u32);
 
@@ -29,7 +29,7 @@ impl ArenaByte {
 }
 
 /// A bit of the arena: byte x 8 + bit. It fits 31 bits, because the arena is limited to 256 MiB.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]
 pub struct ArenaBit(pub u32);
 
@@ -64,7 +64,7 @@ impl ArenaBit {
 }
 
 /// A piece of the arena.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(C)]
 pub struct Range {
     /// Its first byte in the arena.
@@ -95,7 +95,7 @@ impl Range {
 }
 
 /// A data block's place; also what a data block register holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(C)]
 pub struct Db {
     /// First byte in the arena.

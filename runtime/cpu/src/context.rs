@@ -87,9 +87,14 @@ impl Context<'_> {
     /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes.
     #[cold]
     pub(crate) fn attend(&mut self) -> Result<(), Abort> {
+        self.machine.attention.take_due();
+        self.look();
+        self.attend_now()
+    }
+
+    /// The same when the clock has just been read.
+    pub(crate) fn attend_now(&mut self) -> Result<(), Abort> {
         loop {
-            self.machine.attention.take_due();
-            self.look();
             let at = self.machine.at.take();
             let machine = &mut *self.machine;
             let at = at.or(machine.native_caller);
@@ -112,6 +117,8 @@ impl Context<'_> {
             if !self.machine.interrupts.wants(self.machine.hot.now) || !self.interrupt()? {
                 return Ok(());
             }
+            self.machine.attention.take_due();
+            self.look();
         }
     }
 
@@ -132,7 +139,7 @@ impl Context<'_> {
     pub(crate) fn start_info(&self, class: u8, id: u8, priority: u8, number: u8) -> [u8; 20] {
         let mut start = [0; 20];
         start[..4].copy_from_slice(&[class, id, priority, number]);
-        start[12..].copy_from_slice(&self.machine.wall.bytes(self.machine.hot.now));
+        start[12..].copy_from_slice(&self.machine.shown.bytes(self.machine.wall, self.machine.hot.now));
         start
     }
 

@@ -89,7 +89,8 @@ impl Cpu {
             }
             self.ob1(start - planned, clock)?;
             // An overlong cycle is also noticed at its end, in case the last stretch had no safe point.
-            self.context(clock).attend()?;
+            self.machine.attention.take_due();
+            self.context(clock).attend_now()?;
             outputs_from = Some(self.machine.hot.now);
             self.point(Point::End);
             self.output_image(clock)
@@ -243,7 +244,10 @@ impl Cpu {
     }
 
     fn ob1(&mut self, late: Span, clock: &mut dyn Clock) -> Result<(), Abort> {
-        let Some(callee) = self.blocks.ob(1) else { return Ok(()) };
+        let Some(callee) = self.blocks.plan.ob1 else {
+            self.context(clock).look();
+            return Ok(());
+        };
         let scan = std::mem::replace(&mut self.first_scan, 3);
         let cycle_ms = self.cycle_ms;
         if let Some(record) = self.machine.obs.of(1) {

@@ -28,7 +28,7 @@ use crate::service_state::ServiceState;
 use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
-use crate::wall::Wall;
+use crate::wall::{Shown, Wall};
 use crate::watching::Watching;
 use crate::{
     Cpu, CpuConfig, DiagBuffer, LoadError, MOST_STACK_BYTES, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives,
@@ -125,6 +125,7 @@ impl Surroundings {
         let plan = Arc::new(Plan {
             executed: Executed::new(program.blocks.len()),
             blocks,
+            ob1: signatures.find(BlockId::new(BlockKind::Ob, 1)).map(|signature| signature.callee),
             signatures,
             areas: memory.areas(),
             data: memory.dbs[..memory.program_dbs].into(),
@@ -198,6 +199,7 @@ impl Cpu {
             log,
             attention,
             wall,
+            shown: Shown::default(),
             seen_from_outside: None,
             statements: 0,
             hot: Hot::default(),

@@ -22,7 +22,7 @@ use crate::service_state::ServiceState;
 use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
-use crate::wall::Wall;
+use crate::wall::{Shown, Wall};
 use crate::watching::Watching;
 use crate::{Command, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
 
@@ -104,6 +104,7 @@ pub(crate) struct Machine {
     pub(crate) class_ob: u16,
     /// The date at `now`.
     pub(crate) wall: Wall,
+    pub(crate) shown: Shown,
     /// While a link asks for a list: the operating state it sees.
     pub(crate) seen_from_outside: Option<OperatingState>,
     /// Date and time at which the last start-up began.

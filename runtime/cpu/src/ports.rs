@@ -58,8 +58,6 @@ pub struct ModuleStatus {
     pub present: bool,
     /// Counts the driver's starts.
     pub generation: u32,
-    /// LED bits, meaning by module type (CP 240: bit 0 PW, 1 ER, 2 TxD, 3 RxD).
-    pub leds: u32,
 }
 
 /// Something a module reports by itself.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use ob1_model::{BlockId, BlockKind, Site};
 
 /// A statement in one word: the kind of its block (4 bits, of 1 up), its number (16), network (16), line (28).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Packed(u64);
 
 impl Packed {

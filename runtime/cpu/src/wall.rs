@@ -3,6 +3,9 @@
 //! It shows what DATE_AND_TIME can show. Whatever it is set to and however long it runs, it stays inside: it stands
 //! still at the last moment of 2089, and a time before the first moment of 1990 is shown as that.
 
+use std::cell::Cell;
+
+use ob1_model::bcd::to_bcd;
 use ob1_model::moment::Moment;
 use ob1_time::{Instant, Span};
 
@@ -51,6 +54,46 @@ impl Wall {
     /// The CPU's time at which it shows `moment`; 0 when that lies before the CPU's time 0.
     pub(crate) fn when(self, moment: Moment) -> Instant {
         Instant::from_nanos((nanos(moment) - self.at_zero).clamp(0, i128::from(u64::MAX)) as u64)
+    }
+}
+
+/// The second that was shown last: every scan asks for the date, and only the milliseconds have changed.
+#[derive(Debug, Default)]
+pub(crate) struct Shown(Cell<Second>);
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Second {
+    /// [`Wall::at_zero`] then.
+    at_zero: i128,
+    /// Its first instant.
+    from: Instant,
+    bytes: [u8; 8],
+}
+
+impl Shown {
+    /// What `wall` shows at `now`, as the eight bytes of a DATE_AND_TIME.
+    pub(crate) fn bytes(&self, wall: Wall, now: Instant) -> [u8; 8] {
+        let Second { at_zero, from, mut bytes } = self.0.get();
+        let since = now.since(from);
+        if at_zero != wall.at_zero || now < from || since >= Span::SECOND || bytes == [0; 8] {
+            return self.anew(wall, now);
+        }
+        let ms = since.millis() as u32;
+        bytes[6] = to_bcd(ms / 10) as u8;
+        bytes[7] = bytes[7] & 0x0F | ((ms % 10) << 4) as u8;
+        bytes
+    }
+
+    #[cold]
+    fn anew(&self, wall: Wall, now: Instant) -> [u8; 8] {
+        let bytes = wall.bytes(now);
+        let date = wall.at_zero + i128::from(now.nanos());
+        let within = date.rem_euclid(i128::from(Span::SECOND.nanos())) as u64;
+        // Outside the years of a DATE_AND_TIME the clock stands still.
+        if date >= 0 && date < nanos(Moment::MAX) && now.nanos() >= within {
+            self.0.set(Second { at_zero: wall.at_zero, from: now - Span::from_nanos(within), bytes });
+        }
+        bytes
     }
 }
 
@@ -114,6 +157,30 @@ mod tests {
             (u64::MAX, [0x89, 0x12, 0x31, 0x23, 0x59, 0x59, 0x99, 0x97]),
         ] {
             assert_eq!(date_and_time(nanos), bytes, "{nanos}");
+        }
+    }
+
+    /// Whatever is asked in whatever order, and however the clock is set between: the same as without what is kept.
+    #[test]
+    fn the_second_that_is_kept_is_the_one_shown() {
+        const SECOND: u64 = Span::SECOND.nanos();
+        let shown = Shown::default();
+        let mut state = 1_u64;
+        let mut draw = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 20) % below
+        };
+        let end = Moment::MAX.ms() * NANOS_PER_MS;
+        for _ in 0..200 {
+            let zero = [draw(SECOND), draw(end), end - draw(3 * SECOND), u64::MAX / 2][draw(4) as usize];
+            let wall = Wall { at_zero: i128::from(zero) - i128::from(draw(2) * draw(4 * SECOND)) };
+            let mut now = draw(2) * draw(1 << 40);
+            for _ in 0..100 {
+                let back = draw(20) == 0;
+                now = if back { now.saturating_sub(draw(3 * SECOND)) } else { now + draw(SECOND / 4) };
+                let at = Instant::from_nanos(now);
+                assert_eq!(shown.bytes(wall, at), wall.bytes(at), "{wall:?} {at:?}");
+            }
         }
     }
 }

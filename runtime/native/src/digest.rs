@@ -1,8 +1,7 @@
 //! Digests by which programs and code files are told apart: 128 bits of the standard library's SipHash. Both ends are
 //! the same executable, so it does not matter which SipHash that is.
 
-use std::fmt::{self, Write};
-use std::hash::{DefaultHasher, Hasher};
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use ob1_cpu::engine::Plan;
 
@@ -38,10 +37,13 @@ impl Digest {
     }
 }
 
-impl Write for Digest {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.add(text.as_bytes());
-        Ok(())
+impl Hasher for Digest {
+    fn write(&mut self, bytes: &[u8]) {
+        self.add(bytes);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0[0].finish()
     }
 }
 
@@ -59,6 +61,8 @@ pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
         arena_reserved: _,
         // What the runtime has room for.
         stack_per_block: _,
+        // It is one of the signatures.
+        ob1: _,
         accumulators,
         timers,
         counters,
@@ -67,10 +71,7 @@ pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
         // Grows while it runs.
         executed: _,
     } = plan;
-    // Writing into a digest cannot fail.
-    let _ = write!(
-        digest,
-        "{blocks:?}{signatures:?}{areas:?}{data:?}{accumulators} {timers} {counters} {nesting_depth} {frames}"
-    );
+    (blocks, signatures, areas, data).hash(&mut digest);
+    (accumulators, timers, counters, nesting_depth, frames).hash(&mut digest);
     digest.bytes()
 }

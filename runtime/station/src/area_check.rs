@@ -44,9 +44,11 @@ fn number(op: &Op, station: &Station) -> Option<Beyond> {
         Numbered::Counter => ("Z", "counters", cpu.counters),
         Numbered::DataBlock => return None,
     };
-    let has = format!("{letter} 0 to {letter} {}", there.saturating_sub(1));
-    let remedy = format!("use one of them, or `{key} = {}` in [cpu]", u32::from(number) + 1);
-    (u32::from(number) >= u32::from(there)).then(|| (format!("{letter} {number}"), has, remedy))
+    (u32::from(number) >= u32::from(there)).then(|| {
+        let has = format!("{letter} 0 to {letter} {}", there.saturating_sub(1));
+        let remedy = format!("use one of them, or `{key} = {}` in [cpu]", u32::from(number) + 1);
+        (format!("{letter} {number}"), has, remedy)
+    })
 }
 
 fn address(place: Place, width: Width, station: &Station) -> Option<Beyond> {
@@ -59,9 +61,10 @@ fn address(place: Place, width: Width, station: &Station) -> Option<Beyond> {
         _ => return None,
     };
     let end = (at.0 + u32::from(width.bits())).div_ceil(8);
-    let has = format!("{there} bytes");
-    (end > there)
-        .then(|| (Operand { width, place }.to_string(), has, format!("use one of them, or `{key}{end}` in [cpu]")))
+    (end > there).then(|| {
+        let has = format!("{there} bytes");
+        (Operand { width, place }.to_string(), has, format!("use one of them, or `{key}{end}` in [cpu]"))
+    })
 }
 
 #[cfg(test)]

@@ -72,8 +72,10 @@ pub struct KnownProgram {
     pub images: BTreeMap<BlockId, Vec<u8>>,
     /// Why that will be lost when the station ends.
     pub not_kept: Option<String>,
-    /// Checksums of system data and of the program, each of 32 bits: another program has others.
-    pub sums: [u32; 2],
+    /// Checksum of the system data.
+    pub(crate) data_sum: u32,
+    /// That of the program, made when it is asked for first: it is a matter of milliseconds, and the start waits.
+    pub(crate) program_sum: OnceLock<u32>,
     /// Made when it is asked for first: see [`KnownProgram::cross_reference`].
     pub(crate) cross_reference: OnceLock<CrossReference<Arc<Program>>>,
     /// The document of its sources, made when it is asked for first.
@@ -90,7 +92,8 @@ impl KnownProgram {
             names: Names::new(&program),
             places: Places::new(&program),
             blocks: blocks(&program, &library),
-            sums: [0, folded(without_paths(&ob1_ir::write(&program)).as_bytes())],
+            data_sum: 0,
+            program_sum: OnceLock::new(),
             program,
             library,
             downloads: Vec::new(),
@@ -107,12 +110,19 @@ impl KnownProgram {
         self.cross_reference.get_or_init(|| CrossReference::new(Arc::clone(&self.program), &self.library))
     }
 
+    /// Checksums of system data and of the program, each of 32 bits: another program has others.
+    #[must_use]
+    pub fn sums(&self) -> [u32; 2] {
+        let of_program = || folded(without_paths(&ob1_ir::write(&self.program)).as_bytes());
+        [self.data_sum, *self.program_sum.get_or_init(of_program)]
+    }
+
     /// Lists the system data blocks among the images.
     pub fn add_system_data(&mut self) {
         for (&id, bytes) in self.images.iter().filter(|(id, _)| id.kind == BlockKind::Sdb) {
             let language = bytes.get(LANGUAGE_AT).copied().unwrap_or(0);
             self.blocks.push(BlockFact { id, bytes: bytes.len() as u32, language, name: String::new() });
-            self.sums[0] = self.sums[0].rotate_left(1) ^ folded(bytes);
+            self.data_sum = self.data_sum.rotate_left(1) ^ folded(bytes);
         }
     }
 }

@@ -254,7 +254,7 @@ impl StationView {
             pid: std::process::id(),
             state: state.name().to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            program: format!("{:08x}", known.sums[1]),
+            program: format!("{:08x}", known.sums()[1]),
             listens: self.listens.clone(),
             min_cycle_ns: self.timings.min_cycle().nanos(),
             runtime_ns: now.nanos(),

@@ -62,10 +62,10 @@ pub struct Life {
     shared: Arc<Shared>,
     reports: rtrb::Producer<Report>,
     rng: SplitMix64,
-    /// Time at which a requested process starts.
-    starts_at: Option<Instant>,
-    /// Time at which the supervisor notices that the process has ended.
-    ended_at: Option<Instant>,
+    /// Time at which a requested process starts, or `NEVER`.
+    starts_at: Instant,
+    /// Time at which the supervisor notices that the process has ended, or `NEVER`.
+    ended_at: Instant,
     look_at: Instant,
     last_beat: u64,
 }
@@ -91,8 +91,8 @@ impl Life {
             shared: Arc::clone(&shared),
             reports,
             rng: SplitMix64::new(seed),
-            starts_at: None,
-            ended_at: None,
+            starts_at: Instant::NEVER,
+            ended_at: Instant::NEVER,
             look_at: Instant::START,
             last_beat: 0,
         };
@@ -102,19 +102,21 @@ impl Life {
     /// Next time at which [`Life::advance`] must be called.
     #[must_use]
     pub fn next_event(&self) -> Instant {
-        [self.starts_at, self.ended_at, Some(self.look_at)].into_iter().flatten().min().unwrap_or(Instant::NEVER)
+        self.starts_at.min(self.ended_at).min(self.look_at)
     }
 
     /// The next change up to `now`; perform it, then call again until there is none.
     pub fn advance(&mut self, now: Instant) -> Option<Turn> {
-        if self.ended_at.take_if(|at| now >= *at).is_some() {
+        if now >= self.ended_at {
+            self.ended_at = Instant::NEVER;
             self.shared.running.store(false, Ordering::Relaxed);
             self.monitor.driver_gone();
             if self.supervise(now, Input::Exited(Exit::Signal(9))) {
                 return Some(Turn::Killed);
             }
         }
-        if self.starts_at.take_if(|at| now >= *at).is_some() {
+        if now >= self.starts_at {
+            self.starts_at = Instant::NEVER;
             return Some(Turn::Begins);
         }
         if now >= self.look_at {
@@ -131,7 +133,7 @@ impl Life {
 
     /// The process has died; the supervisor will notice it.
     pub fn died(&mut self, now: Instant) {
-        self.ended_at = Some(now + self.rng.span_below(2 * MS));
+        self.ended_at = now + self.rng.span_below(2 * MS);
     }
 
     /// To be called after a cycle of its CPU: returns when a rung doorbell is noticed.
@@ -162,7 +164,7 @@ impl Life {
                     self.shared.attempts.fetch_add(1, Ordering::Relaxed);
                     self.last_beat = self.monitor.cp_heartbeat();
                     self.shared.running.store(true, Ordering::Relaxed);
-                    self.starts_at = Some(now + START.0 + self.rng.span_below(START.1));
+                    self.starts_at = now + START.0 + self.rng.span_below(START.1);
                     input = Some(Input::Spawned);
                 }
                 Some(Request::Kill) => kill = true,

@@ -200,8 +200,7 @@ impl World {
 
     /// Handles everything at one instant in a fixed order: line, drivers, kills, CPUs. False at the end.
     fn step(&mut self, scenario: &Scenario, operator: &mut Operator<'_>) -> bool {
-        let cycles = self.stations.iter().map(|s| s.due);
-        let next = cycles.chain([self.plant.next_event(), self.kill_at]).min().unwrap_or(Instant::NEVER);
+        let next = self.stations.iter().fold(self.plant.next_event().min(self.kill_at), |next, s| next.min(s.due));
         self.now = self.now.max(next);
         if self.now.since_start() >= scenario.duration {
             return false;
@@ -268,8 +267,8 @@ fn cycle(station: &mut SimStation, now: Instant, call: Span, plant: &mut Plant) 
 
 impl Plant {
     fn next_event(&self) -> Instant {
-        let lines = self.cables.iter().filter_map(Cable::next_event);
-        lines.chain(self.drivers.iter().map(Driver::next_event)).min().unwrap_or(Instant::NEVER)
+        let drivers = self.drivers.iter().fold(Instant::NEVER, |next, driver| next.min(driver.next_event()));
+        self.cables.iter().filter_map(Cable::next_event).fold(drivers, Instant::min)
     }
 
     /// Handles everything that is due by `until`, in its order.

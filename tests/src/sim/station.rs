@@ -7,7 +7,7 @@ use ob1_cpu::{Clock, Command, Cpu, Module, ModuleSlot};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
 use ob1_station::{assembly, program};
-use ob1_station_file::{self, Station};
+use ob1_station_file::{self, EngineChoice, Station};
 use ob1_time::{Instant, Span};
 
 use super::driver::Driver;
@@ -66,7 +66,7 @@ impl SimStation {
             &loaded.program,
             natives,
             modules,
-            ob1_station::engine::factory(station.engine),
+            ob1_station::engine::factory(engine(station.engine)),
         )
         .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
@@ -102,6 +102,11 @@ impl SimStation {
     pub fn ledger(&self, db: u16, byte: usize) -> u32 {
         self.cpu.data_block(db).and_then(|bytes| ob1_model::cells::dword(bytes, byte)).unwrap_or(0)
     }
+}
+
+/// A station that chooses for itself would soon run machine code; in virtual time there is no process that makes it.
+fn engine(choice: EngineChoice) -> EngineChoice {
+    if choice == EngineChoice::Auto { EngineChoice::Native } else { choice }
 }
 
 type Modules = Vec<(ModuleSlot, Box<dyn Module>)>;

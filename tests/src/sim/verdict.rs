@@ -29,6 +29,8 @@ const LEDGER_DB: u16 = 20;
 #[derive(Debug, Default)]
 pub struct Watch {
     last: [u32; LEDGER_A.len()],
+    /// The whole data block: most scans leave it alone.
+    bytes: Vec<u8>,
     /// Time of the last good echo.
     pub last_good: Instant,
 }
@@ -36,9 +38,12 @@ pub struct Watch {
 impl Watch {
     /// To be called after each cycle of a station.
     pub fn look(&mut self, now: Instant, station: &SimStation, log: &mut String) {
+        let Some(ledger) = station.cpu.data_block(LEDGER_DB).filter(|ledger| **ledger != *self.bytes) else { return };
         if !is_a(station) {
             return;
         }
+        self.bytes.clear();
+        self.bytes.extend_from_slice(ledger);
         for ((byte, name), last) in LEDGER_A.into_iter().zip(&mut self.last) {
             let value = station.ledger(LEDGER_DB, byte);
             if value != *last {

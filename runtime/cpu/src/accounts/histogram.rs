@@ -175,6 +175,14 @@ impl Histogram {
         Self { counts, count, sum: self.sum.wrapping_sub(earlier.sum), greatest: self.greatest }
     }
 
+    /// The times of both.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        let counts: Box<[u64]> = self.counts.iter().zip(&other.counts).map(|(one, more)| one + more).collect();
+        let (sum, greatest) = (self.sum.wrapping_add(other.sum), self.greatest.max(other.greatest));
+        Self { counts, count: self.count + other.count, sum, greatest }
+    }
+
     /// The usual figures: count, least, mean, quantiles, greatest.
     #[must_use]
     pub fn distribution(&self) -> Distribution {
@@ -266,5 +274,7 @@ mod tests {
         let since = second.since(&first);
         assert_eq!((since.count(), since.beyond(Span::from_nanos(100))), (4, 4));
         assert_eq!(second.since(&Histogram::default()), second);
+        let both = first.and(&second);
+        assert_eq!((both.count(), both.max(), both.beyond(Span::from_nanos(100))), (6, Span::MAX, 4));
     }
 }

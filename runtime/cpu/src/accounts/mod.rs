@@ -124,7 +124,8 @@ pub struct Accounts {
     pub(crate) cycle: Recording,
     pub(crate) execution: Recording,
     pub(crate) wake: Recording,
-    pub(crate) deadlines: Recording,
+    /// Deadlines without a scan. Those with one are in `wake`.
+    pub(crate) skipped: Recording,
     pub(crate) inputs: Recording,
     pub(crate) outputs: Recording,
     pub(crate) links: Recording,
@@ -161,7 +162,7 @@ impl Accounts {
             cycle: Recording::new(),
             execution: Recording::new(),
             wake: Recording::new(),
-            deadlines: Recording::new(),
+            skipped: Recording::new(),
             inputs: Recording::new(),
             outputs: Recording::new(),
             links: Recording::new(),
@@ -178,6 +179,7 @@ impl Accounts {
     /// neighbouring scans.
     #[must_use]
     pub fn figures(&self) -> Figures {
+        let wake = self.wake.read();
         Figures {
             scans: self.scans.get(),
             statements: self.statements.get(),
@@ -187,8 +189,8 @@ impl Accounts {
             late: self.late.get(),
             cycle: self.cycle.read(),
             execution: self.execution.read(),
-            wake: self.wake.read(),
-            deadlines: self.deadlines.read(),
+            deadlines: wake.and(&self.skipped.read()),
+            wake,
             inputs: self.inputs.read(),
             outputs: self.outputs.read(),
             links: self.links.read(),

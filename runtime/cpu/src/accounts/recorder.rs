@@ -17,12 +17,20 @@ struct Ring {
     slots: Box<[[AtomicU64; WORDS]]>,
     /// Records written since the ring was begun.
     written: AtomicU64,
+    /// How many of them are kept.
+    kept: u64,
 }
 
 impl Ring {
-    /// One slot more than scans: the one after the newest may be half written.
+    /// At least one slot more than scans: the one after the newest may be half written. A power of two: a division in
+    /// each scan would cost more than the slots.
     fn new(scans: usize) -> Self {
-        Self { slots: (0..=scans).map(|_| [const { AtomicU64::new(0) }; WORDS]).collect(), written: AtomicU64::new(0) }
+        let slots = (0..(scans + 1).next_power_of_two()).map(|_| [const { AtomicU64::new(0) }; WORDS]).collect();
+        Self { slots, written: AtomicU64::new(0), kept: scans as u64 }
+    }
+
+    fn slot(&self, index: u64) -> &[AtomicU64; WORDS] {
+        &self.slots[index as usize & (self.slots.len() - 1)]
     }
 
     fn push(&self, record: &ScanRecord) {
@@ -30,7 +38,7 @@ impl Ring {
         // Pairs with the fence in `read`: a reader that sees a word of this record also sees that its slot is being
         // written again.
         fence(Ordering::Release);
-        let slot = &self.slots[written as usize % self.slots.len()];
+        let slot = self.slot(written);
         for (cell, word) in slot.iter().zip(record.to_words()) {
             cell.store(word, Ordering::Relaxed);
         }
@@ -40,9 +48,9 @@ impl Ring {
     fn read(&self) -> Vec<ScanRecord> {
         let len = self.slots.len() as u64;
         let end = self.written.load(Ordering::Acquire);
-        let copied: Vec<(u64, ScanRecord)> = (end.saturating_sub(len)..end)
+        let copied: Vec<(u64, ScanRecord)> = (end.saturating_sub(self.kept)..end)
             .map(|index| {
-                let slot = &self.slots[index as usize % self.slots.len()];
+                let slot = self.slot(index);
                 let words = std::array::from_fn(|i| slot[i].load(Ordering::Relaxed));
                 (index, ScanRecord::from_words(&words))
             })

@@ -66,7 +66,6 @@ impl Trace {
             return;
         }
         accounts.wake.record(lateness);
-        accounts.deadlines.record(lateness);
         let (between_ob, _) = std::mem::take(&mut self.longest_ob);
         self.record = ScanRecord {
             scan: accounts.scans.get() + 1,
@@ -193,7 +192,7 @@ impl Trace {
         while index < count {
             let times = stride.min(count - index);
             let deadline = first.saturating_add(period.times(index));
-            self.accounts.deadlines.record_times(next.since(deadline), times);
+            self.accounts.skipped.record_times(next.since(deadline), times);
             index += times;
         }
     }

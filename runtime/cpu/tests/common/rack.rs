@@ -78,7 +78,7 @@ impl Module for TestModule {
         self.look(|s| s.events.pop())
     }
     fn status(&self) -> ModuleStatus {
-        ModuleStatus { present: !self.look(|s| s.absent), generation: 3, leds: 5 }
+        ModuleStatus { present: !self.look(|s| s.absent), generation: 3 }
     }
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
         if record != 1 {

@@ -363,7 +363,7 @@ impl Module for DpCp {
     fn status(&self) -> ModuleStatus {
         let Ok(shared) = self.shared.try_lock() else { return ModuleStatus::default() };
         let generation = shared.side.monitor().generation() as u32;
-        ModuleStatus { present: shared.is_ready(), generation, leds: 0 }
+        ModuleStatus { present: shared.is_ready(), generation }
     }
 
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {

@@ -318,7 +318,7 @@ impl Module for BusModule {
     fn status(&self) -> ModuleStatus {
         let Ok(shared) = self.shared.try_lock() else { return ModuleStatus::default() };
         let generation = shared.side.monitor().generation() as u32;
-        ModuleStatus { present: self.answers(&shared), generation, leds: 0 }
+        ModuleStatus { present: self.answers(&shared), generation }
     }
 
     /// The diagnosis of a DP slave, at its diagnostic address; also of one that refuses.

@@ -55,7 +55,17 @@ impl Allowance {
         Self { left: full, full, every, filled: Instant::START }
     }
 
+    #[inline]
     pub(crate) fn fill(&mut self, now: Instant) {
+        if self.left == self.full {
+            self.filled = now;
+        } else {
+            self.refill(now);
+        }
+    }
+
+    #[cold]
+    fn refill(&mut self, now: Instant) {
         let more = now.since(self.filled) / self.every;
         self.filled += more * self.every;
         self.left = u32::try_from(more).map_or(self.full, |more| self.left.saturating_add(more).min(self.full));

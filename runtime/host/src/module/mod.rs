@@ -203,15 +203,9 @@ impl Module for CpModule {
     }
 
     fn status(&self) -> ModuleStatus {
-        let monitor = self.side.monitor();
-        let leds = monitor.leds();
-        let bits = [leds.power, leds.error, leds.transmit, leds.receive];
-        ModuleStatus {
-            // Before the generation: a driver seen with its state is seen with its number.
-            present: self.is_present(),
-            generation: monitor.generation() as u32,
-            leds: bits.into_iter().rev().fold(0, |word, on| word << 1 | u32::from(on)),
-        }
+        // Before the generation: a driver seen with its state is seen with its number.
+        let present = self.is_present();
+        ModuleStatus { present, generation: self.side.monitor().generation() as u32 }
     }
 
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {

@@ -1,6 +1,6 @@
 //! The module over a heap segment, with the driver's end in the test's hand.
 
-use ob1_backplane::{CpSide, EventKind, Leds, Segment};
+use ob1_backplane::{CpSide, EventKind, Segment};
 use ob1_model::Event;
 use ob1_time::{Instant, Span};
 
@@ -77,10 +77,9 @@ fn an_absent_driver_reads_0_or_is_a_fault() {
 fn each_restart_is_another_generation() {
     let (module, segment) = module();
     assert_eq!(module.status(), ModuleStatus::default());
-    let mut cp = driver(&segment);
-    cp.set_leds(Leds { power: true, receive: true, ..Leds::default() });
+    let cp = driver(&segment);
     let first = module.status();
-    assert_eq!((first.present, first.leds), (true, 0b1001));
+    assert!(first.present);
     drop(cp);
     module.side.monitor().driver_gone();
     assert!(!module.status().present);

@@ -63,11 +63,8 @@ impl Fb {
 
 fn cp040() -> (Cpu, Natives) {
     let mut cpu = Cpu::new();
-    cpu.module = Registers {
-        address: ADR,
-        status: ModuleStatus { present: true, generation: 1, leds: 0 },
-        ..Registers::default()
-    };
+    cpu.module =
+        Registers { address: ADR, status: ModuleStatus { present: true, generation: 1 }, ..Registers::default() };
     cpu.module.input[0] = 0x88;
     cpu.dbs.insert(10, (0..100).collect());
     cpu.dbs.insert(11, vec![0xEE; 60]);
@@ -231,7 +228,7 @@ fn a_new_start_of_the_cp_ends_the_job_once() {
     assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
     cpu.module.status.present = false;
     assert_eq!(send.call(&mut cpu, &blocks), RUNNING, "its driver is started again");
-    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    cpu.module.status = ModuleStatus { present: true, generation: 2 };
     assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
     assert_eq!(cpu.module.output[0], 0x88, "nothing of before stands there");
     assert_eq!(send.call(&mut cpu, &blocks), (0, 1, 0x0202));
@@ -273,7 +270,7 @@ fn a_cp_that_does_not_come_is_an_access_error_after_10_s() {
     send.call(&mut cpu, &blocks);
     send.params[0] = 0;
     cpu.now += Span::from_secs(5);
-    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    cpu.module.status = ModuleStatus { present: true, generation: 2 };
     while cpu.module.output[0] != 0x8A {
         assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
     }
@@ -462,7 +459,7 @@ fn a_request_that_has_ended_with_an_error_does_not_come_back() {
         first.params[0] = req;
         assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
     }
-    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    cpu.module.status = ModuleStatus { present: true, generation: 2 };
     Fb::receive().call(&mut cpu, &blocks);
     cpu.instance_at = 100;
     (second.params[0], second.params[1]) = (0, 1);

@@ -30,7 +30,7 @@ struct Ag {
 impl Ag {
     fn new(number: u16, params: Vec<u32>) -> Self {
         let mut cpu = Cpu::new();
-        let status = ModuleStatus { present: true, generation: 1, leds: 0 };
+        let status = ModuleStatus { present: true, generation: 1 };
         cpu.module = Registers { address: LADDR, status, ..Registers::default() };
         cpu.records.insert(record(0), vec![0; BOX_BYTES]);
         cpu.dbs.insert(10, (0..2000_u32).map(|n| (n / 7) as u8).collect());

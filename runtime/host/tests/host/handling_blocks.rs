@@ -20,11 +20,8 @@ fn blocks() -> Natives {
 
 fn cpu() -> Cpu {
     let mut cpu = Cpu::new();
-    cpu.module = Registers {
-        address: ADR,
-        status: ModuleStatus { present: true, generation: 1, leds: 0 },
-        ..Registers::default()
-    };
+    cpu.module =
+        Registers { address: ADR, status: ModuleStatus { present: true, generation: 1 }, ..Registers::default() };
     cpu.dbs.insert(10, (0..100).collect());
     cpu.dbs.insert(11, vec![0xEE; 100]);
     cpu
@@ -248,7 +245,7 @@ fn a_dead_driver_is_never_an_acknowledgement() {
         send.0[FRG] = 1;
         send.call(&mut cpu, &blocks);
         assert_eq!((send.0[FRG], send.0[SENDEN_LAEUFT]), (1, 0));
-        cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+        cpu.module.status = ModuleStatus { present: true, generation: 2 };
         echo(&mut cpu, 0);
         send.call(&mut cpu, &blocks);
         assert_eq!((send.0[SENDEN_LAEUFT], send.0[FEHLER_KOM], cpu.module.output[3]), (1, 0, 30));

@@ -168,7 +168,7 @@ pub(crate) struct Bench {
 impl Bench {
     pub(crate) fn new() -> Self {
         let mut cpu = Cpu::new();
-        let status = ModuleStatus { present: true, generation: 1, leds: 0 };
+        let status = ModuleStatus { present: true, generation: 1 };
         cpu.module = Registers { address: LADDR, status, ..Registers::default() };
         cpu.records = [(SEND, vec![0; 64]), (RECEIVE, vec![0; 64])].into();
         cpu.dbs.insert(10, (0..=255).cycle().take(8192).collect());

@@ -6,7 +6,6 @@
 //! before an access whose place is computed, whatever it can reach.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
 
 use cranelift_codegen::ir::{InstBuilder, Type, Value, types};
 use cranelift_frontend::Variable;
@@ -47,28 +46,63 @@ struct Held {
     age: u64,
 }
 
-/// Values by their places.
+/// The part and the first byte of a place.
+type Key = (Part, u32);
+
+/// Values by their places, in order: there are few, and each statement looks at most of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cache {
-    held: BTreeMap<(Part, u32), Held>,
+    held: Vec<(Key, Held)>,
     turns: u64,
 }
 
 impl Cache {
+    /// Where the first place is that does not lie before this one.
+    fn from(&self, key: Key) -> usize {
+        self.held.partition_point(|(before, _)| *before < key)
+    }
+
+    fn find(&self, key: Key) -> Option<usize> {
+        let index = self.from(key);
+        self.held.get(index).is_some_and(|(found, _)| *found == key).then_some(index)
+    }
+
+    fn get(&self, key: Key) -> Option<&Held> {
+        self.find(key).map(|index| &self.held[index].1)
+    }
+
+    fn get_mut(&mut self, key: Key) -> Option<&mut Held> {
+        self.find(key).map(|index| &mut self.held[index].1)
+    }
+
+    fn remove(&mut self, key: Key) -> Option<Held> {
+        self.find(key).map(|index| self.held.remove(index).1)
+    }
+
+    fn insert(&mut self, key: Key, held: Held) {
+        let index = self.from(key);
+        match self.held.get_mut(index) {
+            Some((found, before)) if *found == key => *before = held,
+            _ => self.held.insert(index, (key, held)),
+        }
+    }
+
     /// Forgets all but what waits to be written and the `most` newest places. Returns the places that are left.
     fn keep(&mut self, most: usize) -> Vec<Place> {
-        let mut ages: Vec<u64> = self.held.values().filter(|held| !held.waits).map(|held| held.age).collect();
+        let mut ages: Vec<u64> = self.held.iter().filter(|(_, held)| !held.waits).map(|(_, held)| held.age).collect();
         ages.sort_unstable_by_key(|age| Reverse(*age));
         let least = ages.get(most.wrapping_sub(1)).copied().unwrap_or(0);
-        self.held.retain(|_, held| held.waits || most > 0 && held.age >= least);
+        self.held.retain(|(_, held)| held.waits || most > 0 && held.age >= least);
         self.held.iter().map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
     /// The oldest of the places that wait to be written, if there are too many.
-    fn waits_for_room(&self) -> Option<(Part, u32)> {
-        let waiting = self.held.iter().filter(|(_, held)| held.waits);
-        let oldest = waiting.clone().min_by_key(|(_, held)| held.age).map(|(key, _)| *key);
-        oldest.filter(|_| waiting.count() > WAITING)
+    fn waits_for_room(&self) -> Option<Key> {
+        let waiting = || self.held.iter().filter(|(_, held)| held.waits);
+        if waiting().count() <= WAITING {
+            return None;
+        }
+        waiting().min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
     }
 
     /// Forgets the oldest places when there are too many.
@@ -77,21 +111,20 @@ impl Cache {
             && let Some(key) =
                 self.held.iter().filter(|(_, held)| !held.waits).min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
         {
-            self.held.remove(&key);
+            self.remove(key);
         }
     }
 
     /// Places of one part that share bytes with this one, in order.
-    fn overlapping(&self, part: Part, at: u32, bytes: u32) -> Vec<(Part, u32)> {
-        let from = at.saturating_sub(3);
-        let range = (part, from)..(part, at + bytes);
-        let shares = |((_, first), held): &(&(Part, u32), &Held)| *first + held.bytes > at;
-        self.held.range(range).filter(shares).map(|(key, _)| *key).collect()
+    fn overlapping(&self, part: Part, at: u32, bytes: u32) -> Vec<Key> {
+        let near = self.held.iter().skip(self.from((part, at.saturating_sub(3))));
+        let near = near.take_while(|(key, _)| *key < (part, at + bytes));
+        near.filter(|((_, first), held)| first + held.bytes > at).map(|(key, _)| *key).collect()
     }
 
     /// Places of other parts that may be those that an access reaches.
-    fn reached(&self, part: Option<Part>, reach: Reach) -> Vec<(Part, u32)> {
-        let other = |(key, held): &(&(Part, u32), &Held)| Some(key.0) != part && held.reach.meets(reach);
+    fn reached(&self, part: Option<Part>, reach: Reach) -> Vec<Key> {
+        let other = |(key, held): &&(Key, Held)| Some(key.0) != part && held.reach.meets(reach);
         self.held.iter().filter(other).map(|(key, _)| *key).collect()
     }
 }
@@ -126,13 +159,13 @@ impl Translation<'_, '_> {
 
     /// The values of places that are known.
     pub(crate) fn held(&self, places: &[Place]) -> Vec<Value> {
-        places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.held.get(&(*part, *at))?.value)).collect()
+        places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.get((*part, *at))?.value)).collect()
     }
 
     /// From here on these are the values of known places.
     pub(crate) fn hold(&mut self, places: &[Place], values: &[Value]) {
         for ((part, at, _), value) in places.iter().zip(values) {
-            if let Some(held) = self.checked.cache.held.get_mut(&(*part, *at)) {
+            if let Some(held) = self.checked.cache.get_mut((*part, *at)) {
                 held.value = *value;
             }
         }
@@ -150,16 +183,16 @@ impl Translation<'_, '_> {
             return;
         }
         let mut cache = self.checked.cache.clone();
-        cache.held.retain(|key, _| !matches!(key.0, Part::At(_)));
+        cache.held.retain(|(key, _)| !matches!(key.0, Part::At(_)));
         let sent = cache.keep(SENT);
         let all = match self.body.meeting[pc].take() {
             None => sent,
             Some(before) => before.into_iter().filter(|place| sent.contains(place)).collect(),
         };
         for place in &all {
-            let value = cache.held[&(place.0, place.1)].value;
+            let Some(held) = cache.get((place.0, place.1)) else { continue };
             let var = self.variable(*place);
-            self.b.def_var(var, value);
+            self.b.def_var(var, held.value);
         }
         self.body.meeting[pc] = Some(all);
     }
@@ -178,7 +211,7 @@ impl Translation<'_, '_> {
     fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
         let cache = &mut self.checked.cache;
         cache.turns += 1;
-        cache.held.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns });
+        cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns });
     }
 
     /// The variable of a place, for where jumps meet.
@@ -215,8 +248,7 @@ impl Translation<'_, '_> {
             self.write_reached(None, reach);
             return self.load_arena(spot.base, spot.offset, bytes);
         };
-        let key = (part, spot.offset);
-        if let Some(held) = self.checked.cache.held.get(&key).filter(|held| held.bytes == bytes) {
+        if let Some(held) = self.checked.cache.get((part, spot.offset)).filter(|held| held.bytes == bytes) {
             return held.value;
         }
         if let Some(value) = self.within(part, spot.offset, bytes) {
@@ -228,7 +260,7 @@ impl Translation<'_, '_> {
         }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
             self.write_held(other);
-            self.checked.cache.held.remove(&other);
+            self.checked.cache.remove(other);
         }
         self.write_reached(Some(part), reach);
         let value = self.load_arena(spot.base, spot.offset, bytes);
@@ -240,12 +272,12 @@ impl Translation<'_, '_> {
     /// A part of a value that is held.
     fn within(&mut self, part: Part, at: u32, bytes: u32) -> Option<Value> {
         let cache = &mut self.checked.cache;
-        let from = at.saturating_sub(3);
-        let covers = |((_, first), held): &(&(Part, u32), &mut Held)| first + held.bytes >= at + bytes;
-        let ((_, first), held) = cache.held.range_mut((part, from)..=(part, at)).find(covers)?;
+        let from = cache.from((part, at.saturating_sub(3)));
+        let mut near = cache.held.iter_mut().skip(from).take_while(|(key, _)| *key <= (part, at));
+        let ((_, first), held) = near.find(|((_, first), held)| *first + held.bytes >= at + bytes)?;
         cache.turns += 1;
         held.age = cache.turns;
-        let (value, behind) = (held.value, first + held.bytes - at - bytes);
+        let (value, behind) = (held.value, *first + held.bytes - at - bytes);
         Some(self.cut_out(value, behind, bytes))
     }
 
@@ -265,7 +297,7 @@ impl Translation<'_, '_> {
             if key.1 != end {
                 return None;
             }
-            end += self.checked.cache.held[key].bytes;
+            end += self.checked.cache.get(*key)?.bytes;
         }
         if pieces.is_empty() || end != at + bytes {
             return None;
@@ -273,7 +305,7 @@ impl Translation<'_, '_> {
         let ty = integer(bytes);
         let (mut whole, mut waits) = (None, false);
         for key in pieces {
-            let held = self.checked.cache.held.remove(&key)?;
+            let held = self.checked.cache.remove(key)?;
             waits |= held.waits;
             let wide = self.b.ins().uextend(ty, held.value);
             let by = self.b.iconst(ty, i64::from((end - key.1 - held.bytes) * 8));
@@ -290,7 +322,7 @@ impl Translation<'_, '_> {
         let reach = self.reach_of(part, spot, bytes);
         for other in self.checked.cache.reached(part, reach) {
             self.write_held(other);
-            self.checked.cache.held.remove(&other);
+            self.checked.cache.remove(other);
         }
         let Some(part) = part else {
             self.store_arena(spot.base, spot.offset, value);
@@ -307,8 +339,8 @@ impl Translation<'_, '_> {
     }
 
     /// Of a value that is held only the bytes outside of a range are left, each part of them as a value of its own.
-    fn cut_off(&mut self, key: (Part, u32), from: u32, to: u32) {
-        let Some(held) = self.checked.cache.held.remove(&key) else { return };
+    fn cut_off(&mut self, key: Key, from: u32, to: u32) {
+        let Some(held) = self.checked.cache.remove(key) else { return };
         let end = key.1 + held.bytes;
         for (mut at, to) in [(key.1, from.min(end)), (to.max(key.1), end)] {
             while at < to {
@@ -340,8 +372,8 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn write_held(&mut self, key: (Part, u32)) {
-        let Some(held) = self.checked.cache.held.get_mut(&key).filter(|held| held.waits) else { return };
+    fn write_held(&mut self, key: Key) {
+        let Some(held) = self.checked.cache.get_mut(key).filter(|held| held.waits) else { return };
         held.waits = false;
         let value = held.value;
         self.store_arena(self.base(key.0), key.1, value);

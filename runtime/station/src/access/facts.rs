@@ -231,7 +231,7 @@ impl Read {
         let library = Program { blocks: called.into_iter().filter_map(head).collect(), ..Program::default() };
         Self {
             view: source_view::view(known.cross_reference(), &known.library, &read, None),
-            sum: known.sums[1],
+            sum: known.sums()[1],
             library: ob1_ir::write(&library),
         }
     }
@@ -292,7 +292,7 @@ impl Facts for StationFacts {
     }
 
     fn checksums(&self) -> [u32; 2] {
-        self.view.known.get().sums
+        self.view.known.get().sums()
     }
 
     fn addresses(&self, id: BlockId, wanted: &[u16]) -> Option<Addresses> {

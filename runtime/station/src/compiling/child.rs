@@ -31,15 +31,17 @@ pub fn run() -> Result<(), String> {
     // Without the runtime its work is of no use.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     let _ = rustix::process::nice(NICE);
+    // One core is for the scan.
+    let threads = std::thread::available_parallelism().map_or(1, usize::from) - 1;
     // Once confined it can make no more files.
     let files = [(); FILES].map(|()| memory_file());
     let _refused =
         ob1_process::confine(&Confinement { memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() });
-    serve(rustix::stdio::stdin(), files)
+    serve(rustix::stdio::stdin(), files, threads)
 }
 
-/// Serves the request that comes, with these empty files.
-fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES]) -> Result<(), String> {
+/// Serves the request that comes, with these empty files and so many threads.
+fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES], threads: usize) -> Result<(), String> {
     let mut message = [0; 32];
     let (length, request) = receive(socket, &mut message)?.ok_or("no request has come")?;
     let order = Order::of(&message).filter(|_| length == message.len()).ok_or("the message is not a request")?;
@@ -55,7 +57,10 @@ fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES]) -> Result<(),
         let file = seal(file, &image.file(&order)).map_err(text)?;
         handover::send(socket, &[0], &[file.as_fd()]).map_err(text)
     };
-    let compiler = |tier| Compiler::new(Target::Host, tier).map_err(|error| error.to_string());
+    let compiler = |tier| {
+        let compiler = Compiler::new(Target::Host, tier).map_err(|error| error.to_string())?;
+        Ok::<_, String>(compiler.with_threads(threads))
+    };
     let mut image = compiler(Tier::Fast)?.image(&plan);
     send(&image)?;
     let compiler = compiler(Tier::Optimised)?;
@@ -124,7 +129,7 @@ mod tests {
         if account.is_none() {
             rustix::net::shutdown(&ours, rustix::net::Shutdown::Write).expect("a socket");
         }
-        let ended = serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()));
+        let ended = serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()), 3);
         drop(theirs);
         let name = |file: &OwnedFd| {
             let engine = Native::of_file(cpu.plan(), &order, file.as_fd()).expect("a good file");
@@ -171,13 +176,13 @@ mod tests {
             let (ours, theirs) = handover::pair().expect("a socket");
             send(&ours, message, file).expect("it is sent");
             drop(ours);
-            serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()))
+            serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()), 1)
         };
         assert!(ended(&[0; 32], b"nothing").is_err());
         assert_eq!(ended(&[0; 31], b"{}"), Err("the message is not a request".into()));
         let (ours, theirs) = handover::pair().expect("a socket");
         drop(ours);
-        let none = serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()));
+        let none = serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()), 1);
         assert_eq!(none, Err("no request has come".into()));
     }
 }

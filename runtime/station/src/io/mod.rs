@@ -237,7 +237,7 @@ impl Module for IoModule {
     }
 
     fn status(&self) -> ModuleStatus {
-        ModuleStatus { present: true, generation: 1, leds: 0 }
+        ModuleStatus { present: true, generation: 1 }
     }
 
     fn record_read(&mut self, _record: u8, _into: &mut [u8]) -> Result<usize, ModuleError> {

@@ -8,7 +8,7 @@ use crate::arena::{ArenaBit, ArenaByte};
 use crate::scan_position::Packed;
 
 /// Which block a call enters.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub enum CallTarget {
     /// Known at load: every execution calls the same block.
     Known(Callee),
@@ -17,7 +17,7 @@ pub enum CallTarget {
 }
 
 /// On which data a function block runs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub enum InstanceOf {
     /// An FC, or `UC`/`CC`: registers stay.
     None,
@@ -30,7 +30,7 @@ pub enum InstanceOf {
 }
 
 /// The reference to an actual parameter of an FC.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub enum RefArg {
     /// Bit of the caller's local data.
     Local(u32),
@@ -93,7 +93,7 @@ pub enum RefArg {
 }
 
 /// What goes into an instance before a call of an FB.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub enum InSource {
     /// A value known at load, right-aligned.
     Const(u32),
@@ -113,7 +113,7 @@ pub enum InSource {
 }
 
 /// One copy between an actual and the instance.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub struct InstanceIn {
     /// What is copied into the instance.
     pub from: InSource,
@@ -124,7 +124,7 @@ pub struct InstanceIn {
 }
 
 /// Where a result goes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub enum OutTarget {
     /// A bit of the arena.
     Arena(ArenaBit),
@@ -133,7 +133,7 @@ pub enum OutTarget {
 }
 
 /// One copy from the instance to an actual, after the call.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub struct InstanceOut {
     /// The actual that gets the result.
     pub to: OutTarget,
@@ -144,7 +144,7 @@ pub struct InstanceOut {
 }
 
 /// The list of pointers of a call.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Hash)]
 pub struct List {
     /// The pointers, as they follow the call.
     pub pointers: Box<[u32]>,
@@ -153,7 +153,7 @@ pub struct List {
 }
 
 /// A call, ready to run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Hash)]
 pub struct Call {
     /// `CALL`, `UC` or `CC`.
     pub mode: CallMode,

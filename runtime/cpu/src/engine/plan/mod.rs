@@ -26,7 +26,7 @@ pub(crate) use safe_points::mark as mark_safe_points;
 pub use signature::{Formal, Signature, Signatures};
 
 /// A loaded block, found without its number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Callee {
     /// Statements: index of [`Plan::blocks`].
     Code(u32),
@@ -44,7 +44,7 @@ pub struct Caller {
 }
 
 /// The places of the areas in the arena.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 pub struct Areas {
     /// Process image of the inputs.
     pub inputs: Range,
@@ -69,7 +69,7 @@ impl Areas {
 }
 
 /// A block, ready to run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Hash)]
 pub struct Block {
     /// Kind and number of the block.
     pub id: BlockId,
@@ -112,6 +112,8 @@ pub struct Plan {
     pub blocks: Box<[Block]>,
     /// Every loaded block and its parameters, sorted by id.
     pub signatures: Signatures,
+    /// OB 1, which every scan calls.
+    pub ob1: Option<Callee>,
     /// Where the areas lie.
     pub areas: Areas,
     /// The data blocks of the program in ascending order of their numbers. Their place, length and write protection

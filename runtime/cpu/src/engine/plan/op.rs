@@ -10,7 +10,7 @@ use ob1_model::BitAddr;
 use crate::arena::ArenaByte;
 
 /// A bit scan: how it combines with the RLO, and whether it is negated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Scan {
     /// How it combines: AND, OR or XOR.
     pub logic: Logic,
@@ -19,7 +19,7 @@ pub struct Scan {
 }
 
 /// Places that are cheap to find: the base is in a register of the engine, the address in the operation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Base {
     /// Local data of the running block; inside them, as the block was verified.
     Local,
@@ -46,7 +46,7 @@ pub enum Base {
 pub const AREA_IN_POINTER: u8 = 0;
 
 /// One statement, ready to run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Hash)]
 #[expect(missing_docs, reason = "each variant is the statement of the same name in ob1_ir, with its operand resolved")]
 pub enum Op {
     And {

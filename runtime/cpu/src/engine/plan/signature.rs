@@ -5,7 +5,7 @@ use ob1_model::{BlockId, DataType, Interface, Section};
 use super::Callee;
 
 /// A formal parameter, as calls need it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Hash)]
 pub struct Formal {
     /// How it is declared: IN, OUT or IN_OUT.
     pub section: Section,
@@ -36,7 +36,7 @@ impl Formal {
 }
 
 /// What a caller must know of a block.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Hash)]
 pub struct Signature {
     /// Kind and number of the block.
     pub id: BlockId,
@@ -76,7 +76,7 @@ impl Signature {
 }
 
 /// Every loaded block's signature, sorted by id.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Hash)]
 pub struct Signatures(pub Vec<Signature>);
 
 impl Signatures {
