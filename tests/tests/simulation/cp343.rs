@@ -60,7 +60,7 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
 fn a_cp_that_becomes_ready_within_a_scan_loses_no_order() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut again_in_scans = 0;
-    for seed in 1..=12 {
+    for seed in 1..=14 {
         // Short runs, because a later kill would end a wait without end that an earlier one has caused.
         let every = 400 * MS;
         let scenario = Scenario {
