@@ -70,7 +70,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-serial",
             "clap",
             "rustix",
-            "serde",
             "serde_json",
             "tracing",
         ],
@@ -109,8 +108,6 @@ pub(super) const TABLE: &[Row] = &[
             "async-trait",
             "parking_lot",
             "rustix",
-            "serde",
-            "serde_json",
             "tokio",
             "tracing",
         ],
@@ -118,7 +115,7 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-gate-mqtt",
         "invariant 2",
-        &["ob1-access", "ob1-gate-core", "ob1-model", "rumqttc", "serde", "serde_json", "tokio", "tracing"],
+        &["ob1-access", "ob1-gate-core", "ob1-model", "rumqttc", "serde_json", "tokio", "tracing"],
     ),
     row(
         "ob1-gate",
