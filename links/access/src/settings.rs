@@ -100,7 +100,7 @@ pub enum GateKind {
     /// An OPC UA server.
     OpcUa(OpcUaSettings),
     /// A client of an MQTT broker.
-    Mqtt(MqttSettings),
+    Mqtt(Box<MqttSettings>),
 }
 
 /// What a link with HTTP has.

@@ -54,7 +54,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
             GateKind::Web(own) => ("web", Box::pin(web::serve(link, own))),
             GateKind::Metrics(own) => ("metrics", Box::pin(metrics::serve(link, own))),
             GateKind::OpcUa(own) => ("opcua", Box::pin(ob1_gate_opcua::serve(link, own))),
-            GateKind::Mqtt(own) => ("mqtt", Box::pin(ob1_gate_mqtt::serve(link, own))),
+            GateKind::Mqtt(own) => ("mqtt", Box::pin(ob1_gate_mqtt::serve(link, *own))),
         };
         info!(link = name, kind, "serving");
         let told = async move {

@@ -155,7 +155,7 @@ fn of_kind(keys: &mut Keys<'_, '_>, kind: LinkKind, name: &str, station: &str, s
         link.settings = LinkSettings::S7(own);
     } else {
         let state = (kind != Metrics).then(|| absolute(state, &format!("{station}.gate")));
-        link.settings = LinkSettings::Gate(gate(keys, &link, station, (audit, state))?);
+        link.settings = LinkSettings::Gate(Box::new(gate(keys, &link, station, (audit, state))?));
     }
     link.secrets = std::mem::take(&mut keys.secrets);
     allowed.map(|_| link)
@@ -217,7 +217,7 @@ fn gate(
     let tls = if link.kind == OpcUa { None } else { keys.path("certificate").zip(keys.secret("key")) };
     let allowed = link.allowed.clone();
     let own = match link.kind {
-        Mqtt => GateKind::Mqtt(mqtt(keys, link, station, tls.clone())?),
+        Mqtt => GateKind::Mqtt(Box::new(mqtt(keys, link, station, tls.clone())?)),
         Web => GateKind::Web(WebSettings {
             http: HttpSettings { origins: origins(keys), ..http(keys) },
             allowed,
@@ -478,7 +478,7 @@ mod tests {
                 taps: None,
             }),
         };
-        assert_eq!(told, &wanted);
+        assert_eq!(**told, wanted);
         assert_eq!(serde_json::from_str::<GateSettings>(&link.settings.json()).expect("what was written"), wanted);
         assert_eq!(link.secrets, [Path::new("/etc/ob1/a.users"), Path::new("/etc/ob1/tls/a.key")]);
     }

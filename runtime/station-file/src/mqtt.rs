@@ -131,7 +131,7 @@ fn topic(keys: &mut Keys<'_, '_>, key: &'static str, slashes: bool) -> Option<St
 mod tests {
     use std::path::Path;
 
-    use ob1_access::settings::{GateKind, GateSettings};
+    use ob1_access::settings::GateKind;
 
     use super::*;
     use crate::finding::Finding;
@@ -140,10 +140,9 @@ mod tests {
     fn settings(keys: &str) -> Result<MqttSettings, Vec<Finding>> {
         let text = format!("[station]\nname = \"press\"\n[[link]]\ntype = \"mqtt\"\nname = \"cloud\"\n{keys}\n");
         let link = parse(&text, "x.toml", Path::new("/etc"))?.links.remove(0);
-        match link.settings {
-            LinkSettings::Gate(GateSettings { own: GateKind::Mqtt(settings), .. }) => Ok(settings),
-            other => panic!("{other:?}"),
-        }
+        let LinkSettings::Gate(told) = link.settings else { panic!("{link:?}") };
+        let GateKind::Mqtt(settings) = told.own else { panic!("{told:?}") };
+        Ok(*settings)
     }
 
     #[test]

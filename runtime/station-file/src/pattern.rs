@@ -86,7 +86,7 @@ fn replaced(text: &str, known: &[(&str, String)], is_address: bool) -> Result<St
 
 #[cfg(test)]
 mod tests {
-    use ob1_access::settings::{GateKind, GateSettings};
+    use ob1_access::settings::GateKind;
 
     use super::*;
     use crate::{LinkSettings, parse};
@@ -105,9 +105,8 @@ mod tests {
         ) + "[[link]]\ntype = \"metrics\"\nname = \"figures\"\nlisten = \"127.0.0.1:9400+{number}\"\n";
         let found = parse(&text, "station.toml", Path::new("/etc/ob1/hall3-press017")).expect("a station");
         assert_eq!(found.name, "hall3-press017");
-        let LinkSettings::Gate(GateSettings { own: GateKind::Mqtt(told), .. }) = &found.links[0].settings else {
-            panic!("{found:?}")
-        };
+        let LinkSettings::Gate(told) = &found.links[0].settings else { panic!("{found:?}") };
+        let GateKind::Mqtt(told) = &told.own else { panic!("{told:?}") };
         assert_eq!(told.sparkplug, Some(("hall3".into(), "press017".into())));
         assert_eq!(told.client, "ob1-hall3-press017");
         assert_eq!(found.links[1].listen.map(|at| at.port()), Some(9417));

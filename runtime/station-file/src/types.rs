@@ -140,7 +140,7 @@ pub enum LinkSettings {
     /// `ob1-s7`, for one link.
     S7(S7Settings),
     /// `ob1-gate`, for each of its links.
-    Gate(GateSettings),
+    Gate(Box<GateSettings>),
 }
 
 impl LinkSettings {

@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ob1_access::door::Door;
-use ob1_access::settings::{GateKind, GateSettings};
+use ob1_access::settings::GateKind;
 use ob1_access::{Allowed, Right};
 use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
@@ -460,10 +460,12 @@ fn with_taps(link: &StationLink, control_socket: &Path) -> LinkSettings {
     let mut settings = link.settings.clone();
     match &mut settings {
         LinkSettings::S7(told) => told.tap = true,
-        LinkSettings::Gate(GateSettings { own: GateKind::Web(told), .. }) if link.allowed == Allowed::default() => {
-            told.taps = control_socket.parent().map(Path::to_owned);
-        }
-        LinkSettings::Gate(_) => {}
+        LinkSettings::Gate(told) => match &mut told.own {
+            GateKind::Web(told) if link.allowed == Allowed::default() => {
+                told.taps = control_socket.parent().map(Path::to_owned);
+            }
+            _ => {}
+        },
     }
     settings
 }
