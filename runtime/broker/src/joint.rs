@@ -1,6 +1,6 @@
 //! One link as the broker sees it: its share of the exchange, its connection, its clients.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,15 +12,15 @@ use ob1_access::door::{
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{
-    AlarmJob, Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob, Returned, SUMS_AT, TooMuch,
-    Window,
+    AlarmJob, Answer as CpuAnswer, Ask, Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob,
+    Question, Returned, SUMS_AT, TooMuch, Window,
 };
 use ob1_log::Limit;
 use ob1_model::{DebugOrder, PASS_WAIT, Pass, Point, PointItem, PointOrder};
 use ob1_time::{Instant, Span};
 
 use crate::alarms::Logons;
-use crate::client::{Clients, Job};
+use crate::client::{Clients, Job, Wanted};
 use crate::connection::{Connection, Received};
 use crate::{Facts, LinkConfig};
 
@@ -79,6 +79,7 @@ struct Out {
 /// What kind of job is under way, and what its answer needs.
 #[derive(Clone, Debug)]
 enum Kind {
+    Ask(Wanted),
     /// The place of each entry in the group of the client. Inputs that a module feeds are missing.
     Group(Vec<u32>),
     List,
@@ -103,6 +104,9 @@ const fn cell(item: &PointItem) -> ob1_access::Cell {
         PointItem::Write(put) => put.cell(),
     }
 }
+
+/// A client, the number of its question, what becomes of the answers, and these.
+pub(crate) type Answered = (u32, Ticket, Wanted, Vec<CpuAnswer>);
 
 /// A link as the broker sees it; see [the module](self).
 #[derive(Debug)]
@@ -135,6 +139,12 @@ pub(crate) struct Joint {
     debugger_gone: bool,
     /// Passes and points nobody waits for any more.
     forgotten: Vec<u64>,
+    /// Entries for the diagnostic buffer that nobody waits for.
+    notes: VecDeque<Ask>,
+    /// What the CPU has answered to clients.
+    pub(crate) answered: Vec<Answered>,
+    /// The scan has not answered something in time, and nothing since.
+    silent: bool,
     /// Something was handed over since the last wait.
     pub(crate) fresh: bool,
     /// How much of what its partners do is recorded.
@@ -166,6 +176,9 @@ impl Joint {
             debugger: None,
             debugger_gone: false,
             forgotten: Vec::new(),
+            notes: VecDeque::new(),
+            answered: Vec::new(),
+            silent: false,
             fresh: false,
             records: Limit::new(RECORDS, RECORD),
         }))
@@ -275,6 +288,13 @@ impl Joint {
         }
     }
 
+    /// An entry for the diagnostic buffer, unless the CPU has not taken as many before.
+    pub(crate) fn note(&mut self, note: Ask) {
+        if self.notes.len() < RECORDS as usize {
+            self.notes.push_back(note);
+        }
+    }
+
     /// Packets that wait for the link to take them.
     pub(crate) fn waits(&self) -> usize {
         self.connection.as_ref().map_or(0, Connection::waiting)
@@ -322,6 +342,10 @@ impl Joint {
             let mut give_up = give_up;
             let mut slow = false;
             let (ticket, kind, full) = match job {
+                Job::Ask(ticket, asks, wanted) => {
+                    let full = self.link.ask(Question::new(number, asks.clone())).is_err();
+                    (ticket, Kind::Ask(wanted.clone()), full.then_some(Job::Ask(ticket, asks, wanted)))
+                }
                 Job::Group(ticket, puts) => {
                     let (mut places, mut left) = (Vec::with_capacity(puts.len()), Vec::with_capacity(puts.len()));
                     for (place, put) in (0..).zip(&puts).filter(|(_, put)| !facts.take_input(put)) {
@@ -363,9 +387,18 @@ impl Joint {
                     (ticket, Kind::Debug, full.then_some(Job::Debug(ticket, order)))
                 }
             };
-            if let Some(job) = full {
-                self.clients.put_back(client, job);
-                return;
+            match full {
+                // Whoever asks a CPU that does not answer is told so, although there is no room to ask it.
+                Some(Job::Group(ticket, _)) if self.silent => {
+                    self.written(client, ticket, Err(Refused { entry: 0, why: Refusal::Silent }));
+                    continue;
+                }
+                Some(job) if self.silent => {
+                    self.answer(client, job.ticket(), Answer::Refused(Refusal::Silent));
+                    continue;
+                }
+                Some(job) => return self.clients.put_back(client, job),
+                None => {}
             }
             self.fresh = true;
             let armed = kind.is_armed();
@@ -379,7 +412,13 @@ impl Joint {
     /// What the scan has given back.
     fn take_back(&mut self, facts: &dyn Facts) {
         while let Some(returned) = self.link.take() {
+            self.silent = false;
             match returned {
+                Returned::Question(question) => {
+                    let Some(out) = self.done(question.id()) else { continue };
+                    let Kind::Ask(wanted) = out.kind else { continue };
+                    self.answered.push((out.client, out.ticket, wanted, question.answers().to_vec()));
+                }
                 Returned::Group(group) => {
                     let Some(out) = self.done(group.id()) else { continue };
                     let outcome = group.outcome().map(|()| group.scan()).map_err(|(entry, error)| {
@@ -508,6 +547,11 @@ impl Joint {
             self.awaited = None;
             self.say(&ToLink::Watching(generation));
         }
+        while let Some(note) = self.notes.front()
+            && self.link.ask(Question::new(0, vec![*note])).is_ok()
+        {
+            self.notes.pop_front();
+        }
         while let Some(number) = self.forgotten.pop() {
             if self.link.forget(number).is_err() {
                 self.forgotten.push(number);
@@ -521,6 +565,7 @@ impl Joint {
         self.hand_over(facts, now.saturating_add(answer_time));
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();
         for number in silent {
+            self.silent = true;
             match self.done(number) {
                 Some(out) if matches!(out.kind, Kind::Group(_)) => {
                     self.written(out.client, out.ticket, Err(Refused { entry: 0, why: Refusal::Silent }));

@@ -2,8 +2,11 @@
 //!
 //! The order, in STOP too: outputs, writes of the links, snapshots, inputs. A link says which pieces of memory it
 //! watches; they are copied together into its window ([`crate::Window`]). Its writes come in groups that land whole; a
-//! group is answered after the snapshot that contains it. Everything else goes through the two rings of a link. What a
-//! link has sent is returned to it, so the scan allocates and frees nothing, and never waits.
+//! group is answered after the snapshot that contains it. Everything else goes through the rings of a link. What a link
+//! has sent is returned to it, so the scan allocates and frees nothing, and never waits.
+//!
+//! Commands and questions have a ring of their own: they are answered before the cycle changes the operating state, and
+//! within a cycle that does not end, where nothing may be written.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,9 +16,10 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::alarms::AlarmJob;
 use crate::cells;
+use crate::context::Blocks;
 use crate::holding::DebugJob;
 use crate::machine::Machine;
-use crate::orders::{Group, Listing, TooMuch};
+use crate::orders::{Answer, Group, Listing, Question, TooMuch};
 use crate::points::PointJob;
 use crate::recording::Recordings;
 use crate::watching::PassJob;
@@ -24,7 +28,7 @@ use crate::{Mark, OperatingState, Window};
 /// Most links of a CPU.
 pub const LINKS: usize = 9;
 
-/// Orders and groups of one link that can be under way.
+/// Orders and groups of one link that can be under way, and as many questions.
 const RING: usize = 32;
 /// Groups of a link that one cycle control point takes.
 const GROUPS: usize = 8;
@@ -166,6 +170,7 @@ enum Order {
 
 /// What goes from the CPU to a link.
 pub(crate) enum Back {
+    Question(Box<Question>),
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
@@ -179,6 +184,8 @@ pub(crate) enum Back {
 /// What comes back to a link.
 #[derive(Debug)]
 pub enum Returned {
+    /// Commands and questions, all of them answered.
+    Question(Box<Question>),
     /// A group has landed or was refused. The newest snapshot contains it.
     Group(Box<Group>),
     /// A system status list, or why there is none.
@@ -196,6 +203,7 @@ pub enum Returned {
 /// A link's end. It belongs to one thread.
 #[derive(Debug)]
 pub struct Link {
+    questions: Producer<Box<Question>>,
     orders: Producer<Order>,
     back: Consumer<Back>,
     generation: u64,
@@ -245,6 +253,14 @@ impl Link {
             // Nothing else was pushed.
             _ => Ok(()),
         }
+    }
+
+    /// Commands and asks; it comes back with [`Link::take`], and can be asked again.
+    ///
+    /// # Errors
+    /// [`TooMuch::UnderWay`]: the ring of questions is full.
+    pub fn ask(&mut self, question: impl Into<Box<Question>>) -> Result<(), TooMuch> {
+        self.questions.push(question.into()).map_err(|_| TooMuch::UnderWay)
     }
 
     /// Asks for a system status list; it comes back with [`Link::take`].
@@ -299,6 +315,7 @@ impl Link {
     pub fn take(&mut self) -> Option<Returned> {
         loop {
             match self.back.pop().ok()? {
+                Back::Question(question) => return Some(Returned::Question(question)),
                 Back::Group(group) => return Some(Returned::Group(group)),
                 Back::List(listing) => return Some(Returned::List(listing)),
                 Back::Pass(job) => return Some(Returned::Pass(job)),
@@ -321,6 +338,9 @@ impl Link {
 struct End {
     /// Its place among all.
     place: usize,
+    questions: Consumer<Box<Question>>,
+    /// A question with more parts than a look answers.
+    question: Option<Box<Question>>,
     orders: Consumer<Order>,
     back: Producer<Back>,
     window: Box<dyn Window>,
@@ -335,8 +355,9 @@ pub(crate) struct Exchange {
     ends: Vec<End>,
     /// Cycle control points so far.
     scan: u64,
-    /// The link whose groups come first this time.
+    /// The link whose groups come first this time, and the one whose questions do.
     first: usize,
+    asker: usize,
     pub(crate) recordings: Recordings,
 }
 
@@ -347,17 +368,33 @@ impl Exchange {
             return None;
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
-        // Room for all orders, for the watch that each may replace, and for the jobs that stay with the CPU.
-        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS + POINT_JOBS);
+        let (ask, questions) = RingBuffer::new(RING);
+        // Room for all orders and questions, for the watch that an order may replace, and for the jobs that stay with
+        // the CPU.
+        let (back, from_cpu) = RingBuffer::new(3 * RING + PASS_JOBS + POINT_JOBS);
         let place = self.ends.len();
-        self.ends.push(End { place, orders, back, window, watch: None, landed: [const { None }; GROUPS] });
-        Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
+        let landed = [const { None }; GROUPS];
+        self.ends.push(End { place, questions, question: None, orders, back, window, watch: None, landed });
+        Some(Link { questions: ask, orders: to_cpu, back: from_cpu, generation: 0 })
     }
 
     /// Whether there is anything to do for a link at this cycle control point.
     pub(crate) fn is_idle(&self) -> bool {
         let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.steps.is_empty());
         self.recordings.is_idle() && self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
+    }
+
+    /// Answers what links ask, each in turn, up to the bound of a look.
+    pub(crate) fn questions(&mut self, m: &mut Machine, blocks: &Blocks, state: OperatingState) {
+        let (mut left, links) = (m.config.questions_per_scan.max(1), self.ends.len());
+        for turn in 0..links {
+            let at = if self.asker + turn < links { self.asker + turn } else { self.asker + turn - links };
+            if !self.ends[at].questions(m, blocks, state, &mut left) {
+                // The others were not heard: they are first next time.
+                self.asker = if at + 1 < links { at + 1 } else { 0 };
+                return;
+            }
+        }
     }
 
     /// The cycle control point: writes, then the snapshots, then the answers.
@@ -397,6 +434,32 @@ impl Exchange {
 }
 
 impl End {
+    /// Answers its questions as long as there is room; false when nothing is `left` for others.
+    fn questions(&mut self, m: &mut Machine, blocks: &Blocks, state: OperatingState, left: &mut u32) -> bool {
+        loop {
+            if self.question.is_none() {
+                // What is taken must find room on its way back.
+                if self.questions.is_empty() || self.back.slots() < GROUPS + 1 {
+                    return true;
+                }
+                self.question = self.questions.pop().ok();
+                self.question.iter_mut().for_each(|question| question.begin());
+            }
+            while let Some(question) = &mut self.question
+                && let Some(ask) = question.next()
+            {
+                if *left == 0 {
+                    return false;
+                }
+                *left -= 1;
+                question.answer(m.answer(blocks, state, ask).unwrap_or_else(Answer::Refused));
+            }
+            if let Some(question) = self.question.take() {
+                let _ = self.back.push(Back::Question(question));
+            }
+        }
+    }
+
     /// Takes orders up to the next group, and lands that; false when there is none for this scan.
     fn one_group(&mut self, m: &mut Machine, state: OperatingState, left: &mut usize) -> bool {
         let Some(place) = self.landed.iter().position(Option::is_none) else { return false };

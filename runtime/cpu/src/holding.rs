@@ -1,7 +1,7 @@
 //! HOLD: breakpoints and single step.
 //!
 //! While there are breakpoints, every block runs statement by statement. Before a statement at which the CPU is to hold
-//! the scan thread stays where it is: it serves access port and links, keeps the outputs in their safe state, and the
+//! the scan thread stays where it is: it serves links, keeps the outputs in their safe state, and the
 //! CPU's one notion of time stands still, for timers, cycle monitoring and time-driven organization blocks. The date
 //! goes on. ("Programming with STEP 7", 21.3 and 27.1)
 
@@ -19,7 +19,7 @@ use crate::stacks::{self, DEEPEST};
 use crate::watching::Entering;
 use crate::{Abort, Clock, Command, Cpu, DiagBuffer, ObInfo, OperatingState, ShortText};
 
-/// Time between two looks at access port and links.
+/// Time between two looks at links.
 const LOOK: Span = Span::from_millis(5);
 /// Orders at one cycle control point.
 const JOBS: usize = 4;
@@ -328,7 +328,7 @@ impl Context<'_> {
         machine.debugging.step = None;
         let (before, mut last) = (machine.held, self.clock.now());
         let told = loop {
-            machine.serve_port(blocks, OperatingState::Hold);
+            self.exchange.questions(machine, blocks, OperatingState::Hold);
             let halt = machine.attention.take_halt();
             match machine.wanted {
                 // A programming device has brought it here, and lets it go.

@@ -1,10 +1,9 @@
-//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, access port, and the reference
-//! engine that defines what a statement means.
+//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, exchange with links, and the
+//! reference engine that defines what a statement means.
 //!
 //! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the
 //! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
-mod access_port;
 mod accounts;
 mod alarms;
 mod arena;
@@ -59,7 +58,6 @@ mod twin;
 mod wall;
 mod watching;
 
-pub use access_port::{AccessClient, Answer, Ask, Request, Response};
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
@@ -87,7 +85,7 @@ pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
 pub use ob1_std::{Abort, Instance, NativeArea, Refused};
 pub use ob1_time::{Clock, Still};
-pub use orders::{Group, LIST_BYTES, Listing, SUMS_AT, TooMuch};
+pub use orders::{Answer, Ask, Group, LIST_BYTES, Listing, Question, SUMS_AT, TooMuch};
 pub use points::PointJob;
 pub use ports::*;
 pub use recording::{ObRun, RECORDINGS, RecordingClient, Row, Rows};

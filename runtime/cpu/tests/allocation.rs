@@ -5,11 +5,11 @@ mod common;
 use std::alloc::System;
 
 use common::rack::TestModule;
-use common::window::Looker;
+use common::window::{Client, Looker};
 use common::*;
 use ob1_cpu::{
-    AlarmJob, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Request,
-    Returned, system_blocks,
+    AlarmJob, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Returned,
+    system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{
@@ -60,7 +60,8 @@ fn ten_thousand_cycles_allocate_nothing() {
     let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, Span::from_micros(100))], ..CpuConfig::default() };
     let cpu = Cpu::new(config, &program, system_blocks(), modules, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut client = Client::of(&mut bench.cpu);
+    client.ask(0, [Ask::State, Ask::Clock]);
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), Width::Word)];
     link.watch(&pieces).expect("little");
@@ -73,10 +74,10 @@ fn ten_thousand_cycles_allocate_nothing() {
     let quiet = (0..5).any(|_| {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {
-            client.post(Request { id, ask: Ask::State }).expect("room");
             bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
-            while client.take().is_some() {}
+            let question = client.take().expect("answered");
+            client.0.ask(question).expect("room");
             while link.link.take().is_some() {}
             recorded += u64::from(rows.take(|row| row.lost == 0).unwrap_or(false));
             while rows.take_run().is_some() {}

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_cpu::{CellError, Cpu, Frame, Group, Link, Listing, Mark, OperatingState, Piece, Returned, Window};
+use ob1_cpu::{
+    Answer, Ask, CellError, Cpu, Frame, Group, Link, Listing, Mark, OperatingState, Piece, Question, Returned, Window,
+};
 use ob1_model::FRAME_WORDS;
 use ob1_time::Instant;
 
@@ -74,5 +76,32 @@ impl Looker {
                 return Some(listing);
             }
         }
+    }
+}
+
+/// A link that asks.
+pub struct Client(pub Link);
+
+impl Client {
+    pub fn of(cpu: &mut Cpu) -> Self {
+        Self(Looker::of(cpu).expect("a link").link)
+    }
+
+    pub fn ask(&mut self, id: u64, asks: impl Into<Vec<Ask>>) {
+        self.0.ask(Question::new(id, asks.into())).expect("room");
+    }
+
+    /// The next question that has come back.
+    pub fn take(&mut self) -> Option<Box<Question>> {
+        loop {
+            if let Returned::Question(question) = self.0.take()? {
+                return Some(question);
+            }
+        }
+    }
+
+    /// The first answer to it.
+    pub fn answer(&mut self) -> Option<Answer> {
+        self.take().map(|question| question.answers()[0])
     }
 }

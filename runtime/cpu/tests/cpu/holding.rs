@@ -1,8 +1,7 @@
 //! HOLD: breakpoints and single step, on every engine.
 
 use ob1_cpu::{
-    AccessClient, Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot,
-    OperatingState, Request, Returned,
+    Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot, OperatingState, Returned,
 };
 use ob1_model::moment::Moment;
 use ob1_model::{Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, Resume};
@@ -10,7 +9,7 @@ use ob1_time::{Instant, Span};
 
 use crate::common::rack::TestModule;
 use crate::common::random::Random;
-use crate::common::window::Looker;
+use crate::common::window::{Client, Looker};
 use crate::common::{self, Bench, MS, fb, fc, ob, on_each_engine};
 
 const SECOND: u64 = Span::from_secs(1).nanos();
@@ -73,7 +72,7 @@ impl Clock for Device<'_> {
 
 struct Session {
     bench: Bench,
-    client: AccessClient,
+    client: Client,
     looker: Looker,
     seen: Vec<DebugAnswer>,
     ticks: u32,
@@ -88,7 +87,7 @@ impl Session {
     fn with(mut bench: Bench) -> Self {
         let looker = Looker::of(&mut bench.cpu).expect("the first");
         bench.run();
-        let client = bench.cpu.access_client().expect("the first");
+        let client = Client::of(&mut bench.cpu);
         Self { bench, client, looker, seen: Vec::new(), ticks: 0, module: None }
     }
 
@@ -133,9 +132,9 @@ impl Session {
 
     /// What the CPU's calendar shows.
     fn date(&mut self) -> Moment {
-        self.client.post(Request { id: 1, ask: Ask::Clock }).expect("room");
+        self.client.ask(1, [Ask::Clock]);
         self.cycle(vec![]);
-        match self.client.take().expect("answered").answer {
+        match self.client.answer().expect("answered") {
             Answer::Clock(bytes) => Moment::from_bytes(bytes).expect("a date"),
             other => panic!("{other:?}"),
         }
