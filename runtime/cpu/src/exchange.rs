@@ -155,49 +155,55 @@ fn copy(bytes: &[u8], into: &[AtomicU64]) {
     last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
-/// What goes from a link to the CPU.
-enum Order {
-    Watch(Box<Watch>),
+/// What a link hands to the CPU, and gets back when it is done.
+#[derive(Debug)]
+pub enum Job {
+    /// Commands and questions.
+    Question(Box<Question>),
+    /// Writes that land together. When they come back, the newest snapshot contains them.
     Group(Box<Group>),
+    /// A system status list.
     List(Box<Listing>),
+    /// A pass through a block.
     Pass(Box<PassJob>),
+    /// Breakpoints, HOLD, stacks.
     Debug(Box<DebugJob>),
+    /// Cells read and written at a point of the cycle.
     Point(Box<PointJob>),
+    /// About alarms.
     Alarms(Box<AlarmJob>),
+}
+
+/// A job by the type of what is asked.
+macro_rules! jobs {
+    ($($kind:ident($asked:ty),)*) => {
+        $(impl From<$asked> for Job {
+            fn from(asked: $asked) -> Self {
+                Self::$kind(Box::new(asked))
+            }
+        })*
+    };
+}
+
+jobs! {
+    Question(Question), Group(Group), List(Listing), Pass(PassJob), Debug(DebugJob), Point(PointJob), Alarms(AlarmJob),
+}
+
+/// What goes from a link to the CPU.
+#[derive(Debug)]
+enum Order {
+    Job(Job),
+    Watch(Box<Watch>),
     /// Nobody waits for the job with this number any more.
     Forget(u64),
 }
 
 /// What goes from the CPU to a link.
+#[derive(Debug)]
 pub(crate) enum Back {
-    Question(Box<Question>),
-    Group(Box<Group>),
-    List(Box<Listing>),
-    Pass(Box<PassJob>),
-    Debug(Box<DebugJob>),
-    Point(Box<PointJob>),
-    Alarms(Box<AlarmJob>),
+    Job(Job),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
-}
-
-/// What comes back to a link.
-#[derive(Debug)]
-pub enum Returned {
-    /// Commands and questions, all of them answered.
-    Question(Box<Question>),
-    /// A group has landed or was refused. The newest snapshot contains it.
-    Group(Box<Group>),
-    /// A system status list, or why there is none.
-    List(Box<Listing>),
-    /// A pass through a block, or why there is none.
-    Pass(Box<PassJob>),
-    /// Breakpoints are set, or the CPU holds.
-    Debug(Box<DebugJob>),
-    /// What was read and written at a point of the cycle.
-    Point(Box<PointJob>),
-    /// What a display has asked about alarms.
-    Alarms(Box<AlarmJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -207,18 +213,6 @@ pub struct Link {
     orders: Producer<Order>,
     back: Consumer<Back>,
     generation: u64,
-}
-
-impl std::fmt::Debug for Order {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Order")
-    }
-}
-
-impl std::fmt::Debug for Back {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Back")
-    }
 }
 
 impl Link {
@@ -243,48 +237,15 @@ impl Link {
         self.generation
     }
 
-    /// Hands a group over; it comes back with [`Link::take`].
+    /// Hands a job over; it comes back with [`Link::take`]. A question can be asked again then.
     ///
     /// # Errors
-    /// Too much is under way; the group is returned.
-    pub fn write(&mut self, group: Group) -> Result<(), Group> {
-        match self.orders.push(Order::Group(Box::new(group))) {
-            Err(rtrb::PushError::Full(Order::Group(group))) => Err(*group),
-            // Nothing else was pushed.
-            _ => Ok(()),
+    /// [`TooMuch::UnderWay`]: its ring is full.
+    pub fn hand(&mut self, job: impl Into<Job>) -> Result<(), TooMuch> {
+        match job.into() {
+            Job::Question(question) => self.questions.push(question).map_err(|_| TooMuch::UnderWay),
+            job => self.orders.push(Order::Job(job)).map_err(|_| TooMuch::UnderWay),
         }
-    }
-
-    /// Commands and asks; it comes back with [`Link::take`], and can be asked again.
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of questions is full.
-    pub fn ask(&mut self, question: impl Into<Box<Question>>) -> Result<(), TooMuch> {
-        self.questions.push(question.into()).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks for a system status list; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn list(&mut self, listing: Listing) -> Result<(), TooMuch> {
-        self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks for a pass through a block; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn pass(&mut self, job: PassJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
 
     /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
@@ -295,34 +256,11 @@ impl Link {
         self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
 
-    /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn debug(&mut self, job: DebugJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks about alarms; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn alarms(&mut self, job: AlarmJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Alarms(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// The next thing that has come back.
-    pub fn take(&mut self) -> Option<Returned> {
+    /// The next job that has come back.
+    pub fn take(&mut self) -> Option<Job> {
         loop {
-            match self.back.pop().ok()? {
-                Back::Question(question) => return Some(Returned::Question(question)),
-                Back::Group(group) => return Some(Returned::Group(group)),
-                Back::List(listing) => return Some(Returned::List(listing)),
-                Back::Pass(job) => return Some(Returned::Pass(job)),
-                Back::Debug(job) => return Some(Returned::Debug(job)),
-                Back::Point(job) => return Some(Returned::Point(job)),
-                Back::Alarms(job) => return Some(Returned::Alarms(job)),
-                Back::OldWatch(_) => {}
+            if let Back::Job(job) = self.back.pop().ok()? {
+                return Some(job);
             }
         }
     }
@@ -410,9 +348,9 @@ impl Exchange {
     }
 
     /// A job of this link has ended.
-    pub(crate) fn give_back(&mut self, link: usize, job: Back) {
+    pub(crate) fn give_back(&mut self, link: usize, job: Job) {
         if let Some(end) = self.ends.get_mut(link) {
-            let _ = end.back.push(job);
+            let _ = end.back.push(Back::Job(job));
         }
     }
 
@@ -455,7 +393,7 @@ impl End {
                 question.answer(m.answer(blocks, state, ask).unwrap_or_else(Answer::Refused));
             }
             if let Some(question) = self.question.take() {
-                let _ = self.back.push(Back::Question(question));
+                let _ = self.back.push(Back::Job(Job::Question(question)));
             }
         }
     }
@@ -470,60 +408,64 @@ impl End {
                 return false;
             }
             match self.orders.peek() {
-                Ok(Order::Group(group)) if group.bytes > *left => return false,
+                Ok(Order::Job(Job::Group(group))) if group.bytes > *left => return false,
                 // One list per call: each takes time.
-                Ok(Order::List(_) | Order::Alarms(_)) if listed => return false,
+                Ok(Order::Job(Job::List(_) | Job::Alarms(_))) if listed => return false,
                 _ => {}
             }
-            match self.orders.pop() {
-                Ok(Order::Group(mut group)) => {
+            let job = match self.orders.pop() {
+                Ok(Order::Job(job)) => job,
+                Ok(Order::Watch(watch)) => {
+                    if let Some(old) = self.watch.replace(watch) {
+                        let _ = self.back.push(Back::OldWatch(old));
+                    }
+                    continue;
+                }
+                Ok(Order::Forget(id)) => {
+                    m.watching.forget(self.place, id);
+                    if let Some(job) = m.points.forget(self.place, id) {
+                        let _ = self.back.push(Back::Job(Job::Point(job)));
+                    }
+                    continue;
+                }
+                Err(_) => return false,
+            };
+            let done = match job {
+                Job::Group(mut group) => {
                     *left -= group.bytes;
                     group.land(m);
                     m.put_forced();
                     self.landed[place] = Some(group);
                     return true;
                 }
-                Ok(Order::Watch(watch)) => {
-                    if let Some(old) = self.watch.replace(watch) {
-                        let _ = self.back.push(Back::OldWatch(old));
-                    }
-                }
-                Ok(Order::List(mut listing)) => {
+                Job::List(mut listing) => {
                     listing.ask(m, state);
                     listed = true;
-                    let _ = self.back.push(Back::List(listing));
+                    Some(Job::List(listing))
                 }
-                Ok(Order::Pass(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.watching.take(job, m.hot.now) {
-                        let _ = self.back.push(Back::Pass(job));
-                    }
-                }
-                Ok(Order::Debug(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.debugging.take(job) {
-                        let _ = self.back.push(Back::Debug(job));
-                    }
-                }
-                Ok(Order::Point(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.points.take(job) {
-                        let _ = self.back.push(Back::Point(job));
-                    }
-                }
-                Ok(Order::Alarms(mut job)) => {
+                Job::Alarms(mut job) => {
                     let time = m.alarm_time();
                     job.carry_out(&mut m.alarms, time);
                     listed = true;
-                    let _ = self.back.push(Back::Alarms(job));
+                    Some(Job::Alarms(job))
                 }
-                Ok(Order::Forget(id)) => {
-                    m.watching.forget(self.place, id);
-                    if let Some(job) = m.points.forget(self.place, id) {
-                        let _ = self.back.push(Back::Point(job));
-                    }
+                Job::Pass(mut job) => {
+                    job.link = self.place;
+                    m.watching.take(job, m.hot.now).map(Job::Pass)
                 }
-                Err(_) => return false,
+                Job::Debug(mut job) => {
+                    job.link = self.place;
+                    m.debugging.take(job).map(Job::Debug)
+                }
+                Job::Point(mut job) => {
+                    job.link = self.place;
+                    m.points.take(job).map(Job::Point)
+                }
+                // It has a ring of its own.
+                Job::Question(question) => Some(Job::Question(question)),
+            };
+            if let Some(job) = done {
+                let _ = self.back.push(Back::Job(job));
             }
         }
     }
@@ -538,7 +480,7 @@ impl End {
         for place in &mut self.landed {
             if let Some(mut group) = place.take() {
                 group.scan = scan;
-                let _ = self.back.push(Back::Group(group));
+                let _ = self.back.push(Back::Job(Job::Group(group)));
             }
         }
     }

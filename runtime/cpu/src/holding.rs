@@ -13,7 +13,7 @@ use ob1_time::{Instant, Span};
 
 use crate::context::{Blocks, Context};
 use crate::engine::{Caller, Regs};
-use crate::exchange::{Back, Exchange};
+use crate::exchange::{Exchange, Job};
 use crate::machine::Machine;
 use crate::stacks::{self, DEEPEST};
 use crate::watching::Entering;
@@ -206,7 +206,7 @@ impl Machine {
             match end {
                 Some(end) => {
                     job.answer.end = end;
-                    exchange.give_back(job.link, Back::Debug(job));
+                    exchange.give_back(job.link, Job::Debug(job));
                 }
                 // It waits for the next hold; who waited before learns how it is now.
                 None => {
@@ -214,7 +214,7 @@ impl Machine {
                         job.until = now.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
                     }
                     if let Some(before) = self.debugging.waiting.replace(job) {
-                        exchange.give_back(before.link, Back::Debug(before));
+                        exchange.give_back(before.link, Job::Debug(before));
                     }
                 }
             }
@@ -231,7 +231,7 @@ impl Machine {
             if let (DebugEnd::Held, Some(r)) = (end, here) {
                 self.show(&mut job.answer.held, blocks, r, 0);
             }
-            exchange.give_back(job.link, Back::Debug(job));
+            exchange.give_back(job.link, Job::Debug(job));
         }
     }
 

@@ -69,7 +69,7 @@ pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagBuffer, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
-pub use exchange::{LINKS, Link, Returned};
+pub use exchange::{Job, LINKS, Link};
 pub use force::ForceStep;
 pub use holding::{DebugJob, Follower};
 pub use load::Surroundings;

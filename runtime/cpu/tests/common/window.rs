@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_cpu::{
-    Answer, Ask, CellError, Cpu, Frame, Group, Link, Listing, Mark, OperatingState, Piece, Question, Returned, Window,
+    Answer, Ask, CellError, Cpu, Frame, Group, Job, Link, Listing, Mark, OperatingState, Piece, Question, Window,
 };
 use ob1_model::FRAME_WORDS;
 use ob1_time::Instant;
@@ -63,7 +63,7 @@ impl Looker {
     /// The next group that has come back.
     pub fn answer(&mut self) -> Option<Box<Group>> {
         loop {
-            if let Returned::Group(group) = self.link.take()? {
+            if let Job::Group(group) = self.link.take()? {
                 return Some(group);
             }
         }
@@ -72,7 +72,7 @@ impl Looker {
     /// The next list.
     pub fn listing(&mut self) -> Option<Box<Listing>> {
         loop {
-            if let Returned::List(listing) = self.link.take()? {
+            if let Job::List(listing) = self.link.take()? {
                 return Some(listing);
             }
         }
@@ -88,13 +88,13 @@ impl Client {
     }
 
     pub fn ask(&mut self, id: u64, asks: impl Into<Vec<Ask>>) {
-        self.0.ask(Question::new(id, asks.into())).expect("room");
+        self.0.hand(Question::new(id, asks.into())).expect("room");
     }
 
     /// The next question that has come back.
     pub fn take(&mut self) -> Option<Box<Question>> {
         loop {
-            if let Returned::Question(question) = self.0.take()? {
+            if let Job::Question(question) = self.0.take()? {
                 return Some(question);
             }
         }

@@ -6,7 +6,7 @@ use super::common::source::bench_with;
 use super::common::window::{Client, Looker};
 use super::common::*;
 use ob1_cpu::{
-    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Module, ModuleSlot, Put, Returned,
+    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Job, Module, ModuleSlot, Put,
 };
 use ob1_model::{Area, CellError, Command, DebugEnd, DebugOrder, Forced, ForcedArea, Width};
 
@@ -140,7 +140,7 @@ fn all_ways(seed: u64, family: Family) {
             Put::Bytes(Cell::Area(area, 0), vec![random.next(256) as u8; 8].into()),
             Put::Value(Cell::Peripheral(258 * 8), Width::Byte, random.next(256)),
         ];
-        link.link.write(Group::new(round, puts).expect("small")).expect("room");
+        link.link.hand(Group::new(round, puts).expect("small")).expect("room");
         // The interrupt between two cycles, and a cycle.
         for _ in 0..2 {
             bench.clock.now += MS;
@@ -215,16 +215,16 @@ fn it_ends_with_an_empty_list_or_a_memory_reset_and_outlasts_a_restart() {
 /// In STOP: a peripheral output is written, and what becomes of it.
 fn write_output(bench: &mut Bench, link: &mut Looker) -> Result<(), CellError> {
     let put = Put::Value(Cell::Peripheral(3 * 8), Width::Byte, 0x7E);
-    link.link.write(Group::new(1, vec![put]).expect("small")).expect("room");
+    link.link.hand(Group::new(1, vec![put]).expect("small")).expect("room");
     bench.cycle();
-    let Some(Returned::Group(group)) = link.link.take() else { panic!("the group") };
+    let Some(Job::Group(group)) = link.link.take() else { panic!("the group") };
     group.outcome().map_err(|(_, why)| why)
 }
 
 fn debug(bench: &mut Bench, link: &mut Looker, order: DebugOrder) -> DebugEnd {
-    link.link.debug(DebugJob::new(2, order)).expect("room");
+    link.link.hand(DebugJob::new(2, order)).expect("room");
     bench.cycle();
-    let Some(Returned::Debug(job)) = link.link.take() else { panic!("an answer") };
+    let Some(Job::Debug(job)) = link.link.take() else { panic!("an answer") };
     job.into_answer().end
 }
 

@@ -1,7 +1,7 @@
 //! HOLD: breakpoints and single step, on every engine.
 
 use ob1_cpu::{
-    Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot, OperatingState, Returned,
+    Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Job, Module, ModuleSlot, OperatingState,
 };
 use ob1_model::moment::Moment;
 use ob1_model::{Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, Resume};
@@ -33,14 +33,14 @@ const PER_STATEMENT: Span = Span::from_nanos(100);
 
 impl Device<'_> {
     fn serve(&mut self) {
-        while let Some(Returned::Debug(job)) = self.looker.link.take() {
+        while let Some(Job::Debug(job)) = self.looker.link.take() {
             let answer = job.into_answer();
             // What was asked before the hold has its answers first.
             let goes_on = answer.end == DebugEnd::Held || self.begun && answer.end == DebugEnd::Done;
             self.begun |= goes_on;
             self.seen.push(answer);
             if goes_on && !self.script.is_empty() {
-                self.looker.link.debug(DebugJob::new(9, self.script.remove(0))).expect("room");
+                self.looker.link.hand(DebugJob::new(9, self.script.remove(0))).expect("room");
             }
         }
     }
@@ -92,7 +92,7 @@ impl Session {
     }
 
     fn ask(&mut self, order: DebugOrder) {
-        self.looker.link.debug(DebugJob::new(1, order)).expect("room");
+        self.looker.link.hand(DebugJob::new(1, order)).expect("room");
     }
 
     /// A cycle; at each hold the next order of the script is asked.

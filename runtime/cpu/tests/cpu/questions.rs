@@ -60,7 +60,7 @@ fn full_rings_hold_back_and_lose_nothing() {
     let mut asked = 0;
     // Whoever does not take its answers is asked to wait, in the end.
     for _ in 0..32 {
-        while client.0.ask(Question::new(asked, vec![Ask::State])) != Err(TooMuch::UnderWay) {
+        while client.0.hand(Question::new(asked, vec![Ask::State])) != Err(TooMuch::UnderWay) {
             asked += 1;
         }
         bench.run();
@@ -81,7 +81,7 @@ fn a_command_overtakes_what_is_written() {
     let mut client = Client::of(&mut bench.cpu);
     bench.run();
     let put = Put::Value(Cell::Area(Area::Memory, 0), Width::Byte, 7);
-    client.0.write(Group::new(1, vec![put]).expect("little")).expect("room");
+    client.0.hand(Group::new(1, vec![put]).expect("little")).expect("room");
     client.ask(2, [Ask::Command(Command::Stop), Ask::State]);
     bench.cycle();
     assert_eq!(client.take().expect("answered").answers(), [Answer::Done, Answer::State(OperatingState::Run)]);
