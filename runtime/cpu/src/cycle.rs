@@ -24,9 +24,9 @@ const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
 
 impl Cpu {
     /// One whole cycle: questions of the links, exchange with them, events of the modules, process image of the inputs,
-    /// OB 1, process image of the outputs, statistics. If an interrupt is due before the next cycle, only that is served
-    /// ([`CycleEnd::whole`] is false then). In STOP only links and modules are served. The caller sleeps until the
-    /// deadline it is given.
+    /// OB 1, process image of the outputs, statistics. If an interrupt is due before the next cycle, only that is
+    /// served ([`CycleEnd::whole`] is false then). In STOP only links and modules are served. The caller sleeps until
+    /// the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         let end = self.serve_and_run(clock);
         CycleEnd { next_deadline: end.next_deadline.saturating_add(self.machine.held), ..end }
