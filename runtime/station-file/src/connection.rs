@@ -3,6 +3,7 @@
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
 
 use ob1_access::settings::{ConnectionType, CpConnection};
+use ob1_s7::iso::ISO_PORT;
 
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ConnectionTable, ModuleTable, Placed};
@@ -16,8 +17,6 @@ const TYPES: [(&str, ConnectionType); 4] = [
     ("iso-on-tcp", ConnectionType::Iso),
     ("s7", ConnectionType::S7),
 ];
-/// The port of ISO on TCP.
-pub const ISO_PORT: u16 = 102;
 /// Connections of a CP, at most.
 const CONNECTIONS: usize = 16;
 /// Longest TSAP, in bytes.

@@ -41,7 +41,6 @@ mod values;
 
 pub use check::standard;
 
-pub use connection::ISO_PORT;
 pub use duration::{parse_duration, parse_run};
 pub use engine::EngineChoice;
 pub use line::{Line, LineError};

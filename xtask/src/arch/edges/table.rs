@@ -213,6 +213,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-model",
             "ob1-params",
+            // The port of ISO on TCP.
+            "ob1-s7",
             "ob1-serial",
             "ob1-std",
             "ob1-stl",
