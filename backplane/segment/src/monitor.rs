@@ -1,4 +1,4 @@
-//! What any part of the runtime may read, from any thread: the supervisor, the access port, the report.
+//! What any part of the runtime may read, from any thread: the supervisor, the control socket, the report.
 
 use std::sync::Arc;
 

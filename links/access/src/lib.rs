@@ -1,6 +1,6 @@
 //! Common parts of all links into a CPU: names of cells ([`Names`]), their values as text and JSON ([`value`],
-//! [`text`]), the forms people read them in ([`Form`]), the rights of clients ([`Allowed`]), and why a bit has its
-//! value ([`why`]).
+//! [`text`]), the forms people read them in ([`Form`]), the rights of clients ([`Allowed`]), what the process of a link
+//! is told ([`settings`]), and why a bit has its value ([`why`]).
 //!
 //! It knows the program's names and the terms of an S7, but no CPU: callers that read and write cells ask it for their
 //! meaning.
@@ -14,6 +14,7 @@ mod form;
 mod item;
 pub mod partner;
 mod rights;
+pub mod settings;
 mod stop;
 pub mod text;
 pub mod value;

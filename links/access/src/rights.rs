@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use ob1_model::{Area, Cell};
+use serde::{Deserialize, Serialize};
 
 /// What a client may do; each right includes the previous ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Right {
     /// Read cells and documents.
     #[default]
@@ -31,7 +32,7 @@ impl Right {
 }
 
 /// The areas of a CPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 enum Place {
     Inputs,
     Outputs,
@@ -71,7 +72,7 @@ impl Place {
 }
 
 /// Which cells a link's clients may touch at all.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Allowed {
     /// Areas that may be touched; `None`: all.
     areas: Option<BTreeSet<Place>>,

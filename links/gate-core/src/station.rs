@@ -12,7 +12,6 @@ use ob1_access::alarms::{AlarmTexts, StandingAlarm, standing};
 use ob1_access::door::{Answer, Ask, Document, Door, DoorError, Event, OUTSTANDING, Reading, Welcome};
 use ob1_access::{Piece, Put, Right};
 use ob1_model::{AlarmOrder, AlarmQuery};
-use serde_json::Value;
 use tokio::sync::{Mutex, OnceCell, Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio::time::Instant;
 
@@ -36,7 +35,6 @@ type Made = (Instant, Arc<[u8]>);
 #[derive(Debug)]
 struct Shared {
     welcome: Welcome,
-    keys: Value,
     /// The maximum right of the link's clients: the broker's, or less if the process is not confined.
     ceiling: Right,
     orders: mpsc::UnboundedSender<Order>,
@@ -52,7 +50,7 @@ struct Shared {
 /// A link of the station with everything its protocol needs, handed to it when the process has confined itself.
 #[derive(Debug)]
 pub struct Link {
-    /// The way to the CPU; the link's name and keys come with it.
+    /// The way to the CPU; the link's name comes with it.
     pub station: Station,
     /// Its sockets: bound, listening, non-blocking.
     pub listeners: Vec<TcpListener>,
@@ -91,14 +89,12 @@ impl Station {
         audit: Audit,
     ) -> Result<(Self, impl Future<Output = DoorError> + Send + use<>), DoorError> {
         let welcome = door.welcome().cloned().ok_or(DoorError::Version)?;
-        let keys = serde_json::from_str(&welcome.config).map_err(|_| DoorError::Version)?;
         let (orders, wanted) = mpsc::unbounded_channel();
         let events = Arc::new(Events::new());
         let pump = Pump::new(door, wanted, Arc::clone(&events))?;
         let shared = Shared {
             ceiling: ceiling.min(welcome.rights),
             welcome,
-            keys,
             orders,
             events,
             catalog: OnceCell::new(),
@@ -115,12 +111,6 @@ impl Station {
     #[must_use]
     pub fn welcome(&self) -> &Welcome {
         &self.0.welcome
-    }
-
-    /// The keys of the link's table in the station file, with full paths.
-    #[must_use]
-    pub fn keys(&self) -> &Value {
-        &self.0.keys
     }
 
     /// The maximum right of users of this link.

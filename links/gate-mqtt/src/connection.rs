@@ -6,12 +6,12 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::time::Duration;
 
+use ob1_access::settings::MqttSettings;
 use rumqttc::{AsyncClient, Event, LastWill, MqttOptions, Transport};
 use tokio::sync::mpsc;
 use tokio::task::AbortHandle;
 
 use crate::flow::WINDOW;
-use crate::keys::Settings;
 
 /// The broker notices within one and a half times this that we are gone, and we notice a lost broker likewise.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
@@ -38,7 +38,7 @@ impl Connection {
     ///
     /// # Errors
     /// Why the password cannot be read.
-    pub(crate) fn begin(settings: &Settings, transport: Option<Transport>, will: LastWill) -> Result<Self, String> {
+    pub(crate) fn begin(settings: &MqttSettings, transport: Option<Transport>, will: LastWill) -> Result<Self, String> {
         let mut options = MqttOptions::new(&settings.client, &settings.host, settings.port);
         options
             .set_keep_alive(KEEP_ALIVE)

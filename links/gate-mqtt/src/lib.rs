@@ -9,7 +9,6 @@ mod commands;
 mod connection;
 mod flow;
 mod items;
-mod keys;
 mod node;
 mod session;
 mod sparkplug;
@@ -17,10 +16,11 @@ mod store;
 mod tls;
 mod topics;
 
+use ob1_access::Right;
+use ob1_access::settings::MqttSettings;
 use ob1_gate_core::{Link, Trouble};
 
 use crate::items::Items;
-use crate::keys::Keys;
 use crate::session::Session;
 use crate::store::Store;
 use crate::tls::Tls;
@@ -28,21 +28,26 @@ use crate::tls::Tls;
 /// Serves a link until its station is gone.
 ///
 /// # Errors
-/// The error in the link's keys or its files.
-pub async fn serve(link: Link) -> Result<(), String> {
+/// What it cannot do, or what is wrong with its files.
+pub async fn serve(link: Link, told: MqttSettings) -> Result<(), String> {
     let Link { station, state, .. } = link;
-    let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let welcome = station.welcome();
-    let settings = keys.settle(&welcome.station, &welcome.link, station.ceiling())?;
-    let tls = settings.tls.as_ref().map(Tls::open).transpose()?;
+    if told.publish.is_empty() && told.commands.is_empty() && !told.alarms {
+        return Err("it has nothing to do: give it `publish`, `alarms` or `commands`".into());
+    }
+    // A process that is not confined only reads.
+    if !told.commands.is_empty() && station.ceiling() < Right::Write {
+        return Err("`commands` need `rights = \"write\"`".into());
+    }
+    let tls = told.tls.as_ref().map(Tls::open).transpose()?;
     let state = state.ok_or("it has no folder for values that wait to be sent")?.join(&welcome.link);
     let catalog = station.catalog().await.map_err(|trouble| trouble.to_string())?;
-    let flat = settings.sparkplug.is_some();
-    let items = Items::of(&settings.publish, &catalog.names, &settings.allowed, flat)?;
-    let (folder, bound) = (state.join("store"), settings.store);
+    let flat = told.sparkplug.is_some();
+    let items = Items::of(&told.publish, &catalog.names, &told.allowed, flat)?;
+    let (folder, bound) = (state.join("store"), told.store);
     let opened = tokio::task::spawn_blocking(move || Store::open(&folder, bound)).await;
     let store = opened.map_err(|error| error.to_string())?.map_err(|error| format!("{}: {error}", state.display()))?;
-    let session = Session::new(station, settings, tls, &catalog.names, items, store, &state)?;
+    let session = Session::new(station, told, tls, &catalog.names, items, store, &state)?;
     match session.run().await {
         Trouble::Gone => Ok(()),
         trouble => Err(trouble.to_string()),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_access::door::Reading;
+use ob1_access::settings::MqttSettings;
 use ob1_access::{Datum, Names};
 use ob1_gate_core::{Station, Trouble, unix_now};
 use rumqttc::{Event, LastWill, Outgoing, Packet, Publish, QoS};
@@ -17,7 +18,6 @@ use crate::commands::Commands;
 use crate::connection::Connection;
 use crate::flow::Flow;
 use crate::items::{Items, topic};
-use crate::keys::Settings;
 use crate::node::{self, Node};
 use crate::sparkplug::{Metric, Payload, REBIRTH};
 use crate::store::{Record, Store};
@@ -37,7 +37,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// See [the module](self).
 pub(crate) struct Session {
     station: Station,
-    settings: Settings,
+    settings: MqttSettings,
     tls: Option<Tls>,
     items: Items,
     store: Store,
@@ -67,7 +67,7 @@ pub(crate) struct Session {
 impl Session {
     pub(crate) fn new(
         station: Station,
-        settings: Settings,
+        settings: MqttSettings,
         tls: Option<Tls>,
         names: &Names,
         items: Items,

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
+use ob1_access::settings::TlsFiles;
 use rumqttc::tokio_rustls::rustls::crypto::ring;
 use rumqttc::tokio_rustls::rustls::pki_types::pem::PemObject as _;
 use rumqttc::tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rumqttc::tokio_rustls::rustls::{ClientConfig, RootCertStore};
 use rumqttc::{TlsConfiguration, Transport};
-
-use crate::keys::TlsFiles;
 
 /// The transport of a link. Its files are read again for each connection, as the password is: renewed certificates need
 /// no restart.

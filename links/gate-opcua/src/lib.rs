@@ -11,7 +11,6 @@ mod bounded;
 mod chunks;
 mod events;
 mod front;
-mod keys;
 mod leave;
 mod limits;
 mod manager;
@@ -30,6 +29,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use ob1_access::settings::{OpcUaSettings, Trust};
 use ob1_access::{Allowed, Cell, Piece};
 use ob1_gate_core::{Link, Memory, Station, unix_now};
 use ob1_model::Area;
@@ -42,7 +42,6 @@ use tokio::task::JoinSet;
 
 use crate::auth::Auth;
 use crate::front::Front;
-use crate::keys::{Keys, Settings};
 use crate::manager::Manager;
 use crate::monitor::Monitor;
 use crate::pki::Pki;
@@ -64,14 +63,12 @@ const HELPERS: usize = 2;
 /// Serves a link until its station is gone.
 ///
 /// # Errors
-/// The error in the link's keys, its files or its sockets.
-pub async fn serve(link: Link) -> Result<(), String> {
+/// What is wrong with its files or its sockets.
+pub async fn serve(link: Link, told: OpcUaSettings) -> Result<(), String> {
     let Link { station, listeners, inner, users, state, memory, .. } = link;
-    let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let addresses = listeners.iter().map(TcpListener::local_addr).collect::<Result<Vec<_>, _>>();
     let addresses = addresses.map_err(|error| error.to_string())?;
-    let loopback = addresses.iter().all(|address| address.ip().is_loopback());
-    let settings = keys.settle(loopback, station.ceiling(), users.is_some())?;
+    let open = addresses.iter().all(|address| address.ip().is_loopback());
     let state: PathBuf = state.ok_or("it has no folder for its certificates")?.join(&station.welcome().link);
     let name = format!("ob1 {}", station.welcome().station);
     let uri = format!("urn:ob1:{}:{}", station.welcome().station, station.welcome().link);
@@ -81,8 +78,8 @@ pub async fn serve(link: Link) -> Result<(), String> {
         tokio::task::spawn_blocking(move || pki::open(&state, &name, &uri, first.ip())).await
     };
     let pki = made.map_err(|error| error.to_string())??;
-    let auth = Arc::new(Auth::new(users, settings.anonymous, station.audit().clone()));
-    let about = Arc::new(About { station, settings, auth, pki, memory, name, uri });
+    let auth = Arc::new(Auth::new(users, told.anonymous.unwrap_or(open), station.audit().clone()));
+    let about = Arc::new(About { station, told, open, auth, pki, memory, name, uri });
     let mut servers = JoinSet::new();
     if inner.len() < listeners.len() {
         return Err("it has no sockets for its front".to_owned());
@@ -100,7 +97,9 @@ pub async fn serve(link: Link) -> Result<(), String> {
 /// The common data of all servers of a link.
 struct About {
     station: Station,
-    settings: Settings,
+    told: OpcUaSettings,
+    /// Whether a channel without security is offered: only on loopback.
+    open: bool,
     auth: Arc<Auth>,
     pki: Pki,
     memory: Memory,
@@ -109,17 +108,25 @@ struct About {
 }
 
 impl About {
+    fn clients(&self) -> usize {
+        self.told.clients.unwrap_or(limits::CLIENTS)
+    }
+
+    fn items(&self) -> usize {
+        self.told.items.unwrap_or(limits::ITEMS)
+    }
+
     /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
     /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it,
     /// when the clock is set back, and when a task has panicked.
     async fn keep(&self, listener: &TcpListener, inner: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
-            let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
-            let seats = Arc::new(Seats::new(self.settings.clients));
+            let monitor = Arc::new(Monitor::new(self.items(), heartbeat(&self.told.allowed)));
+            let seats = Arc::new(Seats::new(self.clients()));
             let (server, handle) = self.server(address, &monitor, &seats)?;
             let socket = |socket: &TcpListener| socket.try_clone().map_err(|error| format!("{address}: {error}"));
             let sockets = Sockets { outer: socket(listener)?, inner: socket(inner)?, url: url(address) };
-            let front = (sockets, seats, self.settings.open);
+            let front = (sockets, seats, self.open);
             let mut running = Running::begin(server, &handle, front, Arc::clone(&monitor))?;
             let why = tokio::select! {
                 () = monitor.gone() => None,
@@ -143,7 +150,6 @@ impl About {
         monitor: &Arc<Monitor>,
         seats: &Arc<Seats>,
     ) -> Result<(Server, ServerHandle), String> {
-        let settings = &self.settings;
         let host = host(address.ip(), opcua_crypto::hostname().ok());
         let mut builder = ServerBuilder::new()
             .application_name(&self.name)
@@ -160,22 +166,22 @@ impl About {
             .pki_dir(&self.pki.folder)
             .certificate_path(&self.pki.certificate)
             .private_key_path(&self.pki.key)
-            .trust_client_certs(settings.trust == keys::Trust::Any)
+            .trust_client_certs(self.told.trust == Trust::Any)
             .check_cert_time(true)
             .host(host)
             .port(address.port())
             .discovery_urls(vec![url(address)])
-            .limits(limits::limits(settings.clients, settings.items))
+            .limits(limits::limits(self.clients(), self.items()))
             .subscription_poll_interval_ms(limits::POLL_MS)
             .max_session_timeout_ms(limits::SESSION_MS)
             .max_timeout_ms(limits::SESSION_MS as u32)
             .diagnostics_enabled(true)
             .with_authenticator(Arc::clone(&self.auth) as Arc<_>);
-        for (name, endpoint) in endpoints(settings.open) {
+        for (name, endpoint) in endpoints(self.open) {
             builder = builder.add_endpoint(name, endpoint);
         }
         let (station, auth) = (self.station.clone(), Arc::clone(&self.auth));
-        let (monitor, allowed, seats) = (Arc::clone(monitor), settings.allowed.clone(), Arc::clone(seats));
+        let (monitor, allowed, seats) = (Arc::clone(monitor), self.told.allowed.clone(), Arc::clone(seats));
         let built = builder
             .with_node_manager(move |context: ServerContext| {
                 Manager::new(station, auth, (monitor, seats), allowed, &context)

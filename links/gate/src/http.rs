@@ -16,6 +16,7 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use ob1_access::settings::HttpSettings;
 use ob1_gate_core::{Link, network};
 use rustix::net::sockopt;
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -230,15 +231,9 @@ fn stranger(names: &Names, headers: &HeaderMap, method: &Method, tls: bool) -> O
 }
 
 /// Serves a link until the process ends.
-pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String> {
-    let keys = link.station.keys();
-    let number = |key: &str| keys.get(key).and_then(serde_json::Value::as_u64);
-    let clients = number("clients").map_or(CLIENTS, |count| count as usize);
-    let texts = |key: &str| -> Vec<String> {
-        let listed = keys.get(key).and_then(serde_json::Value::as_array);
-        listed.into_iter().flatten().filter_map(|text| text.as_str().map(str::to_owned)).collect()
-    };
-    let names = Rc::new(Names { hosts: texts("hosts"), origins: texts("origins") });
+pub(crate) async fn serve(link: Link, own: HttpSettings, site: Rc<impl Site>) -> Result<(), String> {
+    let clients = own.clients.unwrap_or(CLIENTS);
+    let names = Rc::new(Names { hosts: own.hosts, origins: own.origins });
     let connections = Rc::<Connections>::default();
     let listener = link.listeners.into_iter().next().ok_or("nowhere to listen: see above")?;
     let listener = TcpListener::from_std(listener).map_err(|error| error.to_string())?;

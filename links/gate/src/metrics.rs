@@ -13,6 +13,7 @@ use hyper::header::{ACCEPT, AUTHORIZATION, HeaderMap, HeaderValue, WWW_AUTHENTIC
 use hyper::{Method, StatusCode};
 use ob1_access::alarms::StandingAlarm;
 use ob1_access::door::{Document, What};
+use ob1_access::settings::HttpSettings;
 use ob1_gate_core::{Link, Source, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
@@ -40,12 +41,12 @@ struct Figures {
 }
 
 /// Serves a link of type `metrics`.
-pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
+pub(crate) async fn serve(mut link: Link, own: HttpSettings) -> Result<(), String> {
     let station = link.station.clone();
     let events = Rc::new(RefCell::new(text::Counts::default()));
     tokio::task::spawn_local(count(station.clone(), Rc::clone(&events)));
     let figures = Figures { users: link.users.take(), trusted: RefCell::default(), events, station };
-    http::serve(link, Rc::new(figures)).await
+    http::serve(link, own, Rc::new(figures)).await
 }
 
 /// Counts events.

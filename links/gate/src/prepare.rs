@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use ob1_access::Right;
 use ob1_access::door::{Door, DoorError, Welcome};
+use ob1_access::settings::{GateKind, GateSettings, WebSettings};
 use ob1_gate_core::{Audit, Memory, Tls, Users};
 use ob1_process::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use serde_json::Value;
 use tracing::{error, warn};
 
 /// Maximum data, in bytes.
@@ -22,7 +22,8 @@ const OOM_SCORE: i16 = 600;
 
 /// A link that is ready to be served.
 pub(crate) struct Ready {
-    pub(crate) kind: String,
+    /// What its protocol is told; `None`: it is not served.
+    pub(crate) told: Option<GateSettings>,
     pub(crate) door: Door,
     pub(crate) ceiling: Right,
     pub(crate) listeners: Vec<TcpListener>,
@@ -61,22 +62,23 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
     let memory = Memory::open(MEMORY);
     let mut links = doors.into_iter().map(link).collect::<Result<Vec<_>, _>>()?;
     let mut wanted = Confinement { events: true, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
-    for link in links.iter().filter(|link| !link.kind.is_empty()) {
-        let keys = keys(&link.door)?;
+    for link in &links {
+        let Some(told) = &link.told else { continue };
         // Folders, not files: renewal replaces a file by another of the same name.
-        let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
-        wanted.readable.extend(["users", "certificate", "key", "ca", "password_file"].into_iter().filter_map(of));
-        if let Some(reports) = path(&keys, "reports") {
-            if !reports.is_dir() {
-                warn!("{} is not a folder: create it and restart the gate to see reports there", reports.display());
+        wanted.readable.extend(told.files().filter_map(|file| file.parent().map(Path::to_owned)));
+        match &told.own {
+            GateKind::Web(WebSettings { reports: Some(reports), .. }) => {
+                if !reports.is_dir() {
+                    let reports = reports.display();
+                    warn!("{reports} is not a folder: create it and restart the gate to see reports there");
+                }
+                wanted.readable.push(reports.clone());
             }
-            wanted.readable.push(reports);
+            GateKind::Mqtt(_) => wanted.network = Network::Name,
+            _ => {}
         }
         wanted.folders.extend(link.state.clone());
         wanted.ports.extend(link.inner.iter().filter_map(|inner| Some(inner.local_addr().ok()?.port())));
-        if link.kind == "mqtt" {
-            wanted.network = Network::Name;
-        }
     }
     more_descriptors();
     let refused = ob1_process::confine(&wanted);
@@ -103,36 +105,27 @@ fn more_descriptors() {
     }
 }
 
-fn keys(door: &Door) -> Result<Value, String> {
-    let config = door.welcome().map_or("", |welcome| &welcome.config);
-    serde_json::from_str(config).map_err(|error| format!("the keys of the link: {error}"))
-}
-
-fn path(keys: &Value, key: &str) -> Option<PathBuf> {
-    keys.get(key).and_then(Value::as_str).map(PathBuf::from)
-}
-
-/// A link; if something it needs cannot be had, it is of no kind, and only its door is kept.
+/// A link; if something it needs cannot be had, it is not served, and only its door is kept.
 fn link(mut door: Door) -> Result<Ready, String> {
-    let keys = keys(&door)?;
     let welcome = door.welcome().cloned().ok_or("no welcome")?;
+    let told: GateSettings =
+        serde_json::from_str(&welcome.config).map_err(|error| format!("the settings of the link: {error}"))?;
     let listeners = door.take_listeners();
-    let (users, tls, audit, state) = match needs(&keys, &welcome) {
+    let (users, tls, audit, state) = match needs(&told, &welcome) {
         Ok(needs) => needs,
         Err(why) => {
             error!("{why}: this link is not served, the others are; correct it and start the station again");
             let (ceiling, audit) = (Right::Read, Audit::none(&welcome.link));
-            let (kind, listeners) = (String::new(), Vec::new());
-            let (inner, users, tls, state) = (Vec::new(), None, None, None);
-            return Ok(Ready { kind, ceiling, door, listeners, inner, users, tls, audit, state });
+            let (listeners, inner) = (Vec::new(), Vec::new());
+            let (told, users, tls, state) = (None, None, None, None);
+            return Ok(Ready { told, ceiling, door, listeners, inner, users, tls, audit, state });
         }
     };
     let listeners: Vec<_> = listeners.into_iter().map(TcpListener::from).collect();
-    let kind = keys.get("type").and_then(Value::as_str).unwrap_or_default().to_owned();
-    let fronts = if kind == "opcua" { listeners.len() } else { 0 };
+    let fronts = if matches!(told.own, GateKind::OpcUa(_)) { listeners.len() } else { 0 };
     let inner = (0..fronts).map(|_| inner()).collect::<Result<_, _>>();
     let inner = inner.map_err(|why| format!("link \"{}\": its inner port: {why}", welcome.link))?;
-    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, inner, users, tls, audit, state })
+    Ok(Ready { told: Some(told), ceiling: welcome.rights, door, listeners, inner, users, tls, audit, state })
 }
 
 /// A port on loopback for the library behind a front.
@@ -145,25 +138,24 @@ fn inner() -> std::io::Result<TcpListener> {
 /// What a link needs.
 type Needs = (Option<Users>, Option<Tls>, Audit, Option<PathBuf>);
 
-fn needs(keys: &Value, welcome: &Welcome) -> Result<Needs, String> {
+fn needs(told: &GateSettings, welcome: &Welcome) -> Result<Needs, String> {
     let named = |why: &dyn std::fmt::Display| format!("link \"{}\": {why}", welcome.link);
-    let users = path(keys, "users").map(|file| Users::read(&file)).transpose().map_err(|why| named(&why))?;
-    let tls = match (path(keys, "certificate"), path(keys, "key")) {
-        (Some(certificate), Some(key)) => Some(Tls::load(&certificate, &key).map_err(|why| named(&why))?),
-        _ => None,
-    };
+    let users = told.users.as_ref().map(|file| Users::read(file)).transpose().map_err(|why| named(&why))?;
+    let tls = told.tls.as_ref().map(|(certificate, key)| Tls::load(certificate, key)).transpose();
+    let tls = tls.map_err(|why| named(&why))?;
     // A link that only reads and has no users writes no log.
-    let audit = match path(keys, "audit").filter(|_| users.is_some() || welcome.rights > Right::Read) {
-        Some(file) => Audit::open(&welcome.link, &file)
-            .map_err(|why| named(&format!("the audit log {}: {why}", file.display())))?,
-        None => Audit::none(&welcome.link),
+    let audit = if users.is_some() || welcome.rights > Right::Read {
+        Audit::open(&welcome.link, &told.audit)
+            .map_err(|why| named(&format!("the audit log {}: {why}", told.audit.display())))?
+    } else {
+        Audit::none(&welcome.link)
     };
-    let mut state = path(keys, "state");
+    let mut state = told.state.clone();
     if let Some(folder) = &state
         && let Err(why) = std::fs::create_dir_all(folder)
     {
         let why = named(&format!("{}: {why}", folder.display()));
-        if keys["type"] != "web" {
+        if !matches!(told.own, GateKind::Web(_)) {
             return Err(why);
         }
         warn!("{why}: no variable table can be kept");

@@ -5,6 +5,7 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use ob1_access::door::DoorError;
+use ob1_access::settings::GateKind;
 use ob1_gate_core::{Link, Memory, Station};
 use tokio::task::JoinSet;
 use tokio::time::{interval, timeout};
@@ -21,16 +22,6 @@ const RENEWED: Duration = Duration::from_secs(5);
 const GOODBYE: Duration = Duration::from_millis(1500);
 
 type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
-type Serve = fn(Link) -> Served;
-
-/// The function that serves each type of link, and whether the end of the station waits for it: MQTT says goodbye to
-/// the broker, and keeps the values that have not been sent.
-const PROTOCOLS: &[(&str, Serve, bool)] = &[
-    ("web", |link| Box::pin(web::serve(link)), false),
-    ("metrics", |link| Box::pin(metrics::serve(link)), false),
-    ("opcua", |link| Box::pin(ob1_gate_opcua::serve(link)), false),
-    ("mqtt", |link| Box::pin(ob1_gate_mqtt::serve(link)), true),
-];
 
 /// Serves all links until a door closes.
 pub(crate) fn run(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
@@ -48,28 +39,30 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     let mut last = JoinSet::new();
     let mut held = Vec::new();
     for ready in links {
-        let Ready { kind, door, ceiling, listeners, inner, users, tls, audit, state } = ready;
+        let Ready { told, door, ceiling, listeners, inner, users, tls, audit, state } = ready;
         let (station, pump) = Station::new(door, ceiling, audit).map_err(|error| error.to_string())?;
         doors.spawn(pump);
         tokio::task::spawn_local(renew(users.clone(), tls.clone()));
         let name = station.welcome().link.clone();
         // A link that cannot be served keeps its door, and the others continue.
         held.push(station.clone());
-        if kind.is_empty() {
-            continue;
-        }
-        let Some((_, serve, says_goodbye)) = PROTOCOLS.iter().find(|(known, ..)| *known == kind) else {
-            error!("link \"{name}\": this build has no links of type \"{kind}\"");
-            continue;
+        let Some(told) = told else { continue };
+        let link = Link { station, listeners, inner, users, tls, state, memory: memory.clone() };
+        // MQTT says goodbye to the broker, and keeps the values that have not been sent: the end of the station waits.
+        let says_goodbye = matches!(told.own, GateKind::Mqtt(_));
+        let (kind, served): (_, Served) = match told.own {
+            GateKind::Web(own) => ("web", Box::pin(web::serve(link, own))),
+            GateKind::Metrics(own) => ("metrics", Box::pin(metrics::serve(link, own))),
+            GateKind::OpcUa(own) => ("opcua", Box::pin(ob1_gate_opcua::serve(link, own))),
+            GateKind::Mqtt(own) => ("mqtt", Box::pin(ob1_gate_mqtt::serve(link, *own))),
         };
         info!(link = name, kind, "serving");
-        let served = serve(Link { station, listeners, inner, users, tls, state, memory: memory.clone() });
         let told = async move {
             if let Err(why) = served.await {
                 error!("link \"{name}\": {why}");
             }
         };
-        if *says_goodbye {
+        if says_goodbye {
             last.spawn_local(told);
         } else {
             tokio::task::spawn_local(told);

@@ -1,101 +1,31 @@
-//! The keys of the station file's `[[link]]` table that the process needs.
+//! What the station tells the process, as the protocol machines take it.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
 use ob1_access::Right;
 use ob1_access::door::Welcome;
+use ob1_access::settings::{ConnectionType, CpConnection, S7Settings};
 use ob1_s7::Rights;
 use ob1_s7::coupling::{ConnectionKind, Spec};
 use ob1_s7::iso::{Place, Tsap};
 use ob1_s7::server::Settings;
-use serde::Deserialize;
 
 /// Default limit of concurrent connections.
-const CLIENTS: usize = 16;
-/// Absolute limit of concurrent connections.
-const MOST_CLIENTS: usize = 128;
+const CLIENTS: u16 = 16;
+/// Default slot of the CPU: its position in an S7-300.
+const SLOT: u8 = 2;
 
-/// The keys as the runtime passes them.
-#[derive(Debug, Deserialize)]
-#[serde(default)]
-struct Keys {
-    rack: u8,
-    slot: u8,
-    pdu: u16,
-    clients: usize,
-    idle: u64,
-    password_rights: Option<String>,
-    connections: Vec<ConnectionKeys>,
-    /// The last socket is that of the tap.
-    tap: bool,
-}
-
-/// A connection of a CP 343, as passed by the runtime.
-#[derive(Clone, Debug, Deserialize)]
-pub struct ConnectionKeys {
-    id: u16,
-    #[serde(rename = "type")]
-    kind: String,
-    active: bool,
-    /// Address and port of the partner, if the station file gives one.
-    partner: Option<String>,
-    /// Our TSAP, and below it the partner's.
-    #[serde(default)]
-    local: Vec<u8>,
-    #[serde(default)]
-    remote: Vec<u8>,
-    /// Index of its socket among those bound for the CP, from 0.
-    pub socket: Option<usize>,
-}
-
-impl ConnectionKeys {
-    /// The kind; an unknown word counts as ISO on TCP.
-    #[must_use]
-    pub fn kind(&self) -> ConnectionKind {
-        match self.kind.as_str() {
-            "tcp" => ConnectionKind::Tcp,
-            "udp" => ConnectionKind::Udp,
-            "s7" => ConnectionKind::S7,
-            _ => ConnectionKind::Iso,
-        }
-    }
-
-    /// The partner's address and port.
-    #[must_use]
-    pub fn partner(&self) -> Option<SocketAddr> {
-        self.partner.as_deref().and_then(|text| text.parse().ok())
-    }
-
-    /// The connection for the machine.
-    #[must_use]
-    pub fn spec(&self) -> Spec {
-        let tsap = |bytes: &[u8]| Tsap::new(bytes).unwrap_or_default();
-        Spec {
-            id: self.id,
-            kind: self.kind(),
-            active: self.active,
-            local: tsap(&self.local),
-            remote: tsap(&self.remote),
-        }
-    }
-}
-
-impl Default for Keys {
-    fn default() -> Self {
-        let pdu = Settings::default().pdu;
-        // The position of the CPU in an S7-300.
-        Self {
-            rack: 0,
-            slot: 2,
-            pdu,
-            clients: CLIENTS,
-            idle: 0,
-            password_rights: None,
-            connections: Vec::new(),
-            tap: false,
-        }
-    }
+/// A connection of a CP 343 for the machine.
+#[must_use]
+pub fn spec(told: &CpConnection) -> Spec {
+    let tsap = |bytes: &[u8]| Tsap::new(bytes).unwrap_or_default();
+    let kind = match told.kind {
+        ConnectionType::Tcp => ConnectionKind::Tcp,
+        ConnectionType::Udp => ConnectionKind::Udp,
+        ConnectionType::Iso => ConnectionKind::Iso,
+        ConnectionType::S7 => ConnectionKind::S7,
+    };
+    Spec { id: told.id, kind, active: told.active, local: tsap(&told.local), remote: tsap(&told.remote) }
 }
 
 /// The configuration of the process.
@@ -119,28 +49,27 @@ impl Config {
     /// From the broker's first message.
     ///
     /// # Errors
-    /// The keys are not those of this version.
-    pub fn of(welcome: &Welcome) -> Result<(Self, Vec<ConnectionKeys>), serde_json::Error> {
-        let keys: Keys = serde_json::from_str(&welcome.config)?;
-        let unlocked = keys.password_rights.as_deref().and_then(Right::named);
-        let clients = keys.clients.clamp(1, MOST_CLIENTS);
+    /// The station is of another version.
+    pub fn of(welcome: &Welcome) -> Result<(Self, Vec<CpConnection>), serde_json::Error> {
+        let told: S7Settings = serde_json::from_str(&welcome.config)?;
+        let (unlocked, clients, usual) = (told.password_rights, told.clients.unwrap_or(CLIENTS), Settings::default());
         let settings = Settings {
-            pdu: keys.pdu,
+            pdu: told.pdu.unwrap_or(usual.pdu),
             rights: rights(welcome.rights),
             has_password: unlocked.is_some(),
-            connections: clients as u16,
+            connections: clients,
             is_400: welcome.family == 400,
-            ..Settings::default()
+            ..usual
         };
         let config = Self {
-            place: Place { rack: keys.rack, slot: keys.slot },
+            place: Place { rack: told.rack.unwrap_or(0), slot: told.slot.unwrap_or(SLOT) },
             settings,
             unlocked: unlocked.map_or(settings.rights, rights),
-            clients,
-            tap: keys.tap,
-            idle: (keys.idle > 0).then(|| Duration::from_secs(keys.idle)),
+            clients: clients.into(),
+            tap: told.tap,
+            idle: told.idle.filter(|idle| *idle > 0).map(|idle| Duration::from_secs(idle.into())),
         };
-        Ok((config, keys.connections))
+        Ok((config, told.connections))
     }
 }
 
@@ -157,12 +86,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_that_are_not_there_have_their_usual_values() {
-        let keys = |text| serde_json::from_str::<Keys>(text).expect("keys");
-        let plain = keys(r#"{"type":"s7","name":"panel","listen":"127.0.0.1:102"}"#);
-        assert_eq!((plain.rack, plain.slot, plain.pdu, plain.clients, plain.idle), (0, 2, 960, 16, 0));
-        let all = keys(r#"{"rack":1,"slot":3,"pdu":240,"clients":4,"idle":60,"password_rights":"operate"}"#);
-        assert_eq!((all.rack, all.slot, all.pdu, all.clients, all.idle), (1, 3, 240, 4, 60));
-        assert_eq!(all.password_rights.as_deref().and_then(Right::named), Some(Right::Operate));
+    fn what_is_not_told_has_its_usual_value() {
+        let of = |told: &S7Settings| {
+            let welcome = Welcome { config: serde_json::to_string(told).expect("JSON"), ..Welcome::default() };
+            Config::of(&welcome).expect("settings").0
+        };
+        let usual = of(&S7Settings::default());
+        let place = |config: &Config| (config.place.rack, config.place.slot);
+        assert_eq!((place(&usual), usual.settings.pdu, usual.clients, usual.idle), ((0, 2), 960, 16, None));
+        let (rack, slot, pdu, clients, idle) = (Some(1), Some(3), Some(240), Some(4), Some(60));
+        let password_rights = Some(Right::Operate);
+        let all = S7Settings { rack, slot, pdu, clients, idle, password_rights, ..S7Settings::default() };
+        let all = of(&all);
+        assert_eq!((place(&all), all.settings.pdu, all.clients), ((1, 3), 240, 4));
+        assert_eq!((all.idle, all.unlocked), (Some(Duration::from_secs(60)), Rights::Operate));
     }
 }

@@ -6,13 +6,12 @@ use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::time::Instant;
 
 use ob1_access::door::{Connection, News};
+use ob1_access::settings::{ConnectionType, CpConnection};
 use ob1_backplane::CpSide;
-use ob1_s7::coupling::ConnectionKind;
 use ob1_s7::iso::{Call, Transport, Tsap};
 use ob1_s7::server::Settings;
 use ob1_s7::tap::Tapped;
 use ob1_s7_process::asks::Surroundings;
-use ob1_s7_process::config::ConnectionKeys;
 use ob1_s7_process::cp::{Cp, Network, Received, is_of};
 use ob1_serial::record::Kind;
 use rustix::event::{PollFd, PollFlags};
@@ -152,24 +151,23 @@ impl Coupler {
     /// The connections of the station file, and the sockets the runtime has bound for them.
     pub(crate) fn configure(
         &mut self,
-        keys: &[ConnectionKeys],
+        told: &[CpConnection],
         settings: Settings,
-        mut sockets: Vec<Option<OwnedFd>>,
+        mut sockets: impl Iterator<Item = OwnedFd>,
         tap: Shared,
     ) {
-        let line = |keys: &ConnectionKeys| {
-            let handed = keys.socket.and_then(|at| sockets.get_mut(at)).and_then(Option::take);
-            let (socket, listener) = match handed {
-                Some(fd) if keys.kind() == ConnectionKind::Udp => {
+        let line = |told: &CpConnection| {
+            let (socket, listener) = match told.port.and_then(|_| sockets.next()) {
+                Some(fd) if told.kind == ConnectionType::Udp => {
                     let of = |partner| Socket::Datagrams(UdpSocket::from(fd), partner);
-                    (keys.partner().map_or(Socket::None, of), None)
+                    (told.partner.map_or(Socket::None, of), None)
                 }
                 handed => (Socket::None, handed),
             };
-            Line { socket, listener, active: keys.spec().active }
+            Line { socket, listener, active: told.active }
         };
-        self.sockets = Sockets { lines: keys.iter().map(line).collect(), tap: Some(tap) };
-        self.cp.configure(keys, settings);
+        self.sockets = Sockets { lines: told.iter().map(line).collect(), tap: Some(tap) };
+        self.cp.configure(told, settings);
     }
 
     /// A sign of life.

@@ -8,6 +8,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{self, News};
+use ob1_access::settings::CpConnection;
 use ob1_backplane::layout::{BOX_BYTES, BOXES};
 use ob1_backplane::{ChangeMark, Counter, CpSide, CpuState, DriverState, Freshness, Leds};
 use ob1_s7::coupling::{Action, Condition, ConnectionKind, Coupling, Spec};
@@ -16,7 +17,7 @@ use ob1_s7::server::Settings;
 use tracing::{info, warn};
 
 use crate::asks::{Asks, Surroundings};
-use crate::config::ConnectionKeys;
+use crate::config::spec;
 
 /// Bytes read at a time.
 const READ: usize = 8192;
@@ -120,16 +121,16 @@ impl Cp {
     }
 
     /// The connections of the station file.
-    pub fn configure(&mut self, keys: &[ConnectionKeys], settings: Settings) {
-        self.machine = Coupling::new(keys.iter().map(ConnectionKeys::spec).collect(), settings);
-        let line = |keys: &ConnectionKeys| Line {
-            partner: keys.partner(),
+    pub fn configure(&mut self, told: &[CpConnection], settings: Settings) {
+        self.machine = Coupling::new(told.iter().map(spec).collect(), settings);
+        let line = |told: &CpConnection| Line {
+            partner: told.partner,
             asks: Asks::default(),
             client: 0,
             was: Condition::Down,
             telling: Telling::default(),
         };
-        self.lines = keys.iter().map(line).collect();
+        self.lines = told.iter().map(line).collect();
         // The content of the boxes was meant for a previous process: the CPU counts those jobs as failed.
         for index in 0..BOXES {
             let _old = self.segment.read_box(index, &mut [0; BOX_BYTES]);

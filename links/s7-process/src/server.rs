@@ -160,12 +160,11 @@ impl Server {
                 if let Some(coupler) = &mut self.coupler {
                     // The first is the server's, the following ones belong to connections.
                     let sockets = self.listeners.split_off(self.listeners.len().min(1));
-                    let sockets = sockets.into_iter().map(Some).collect();
-                    coupler.configure(&connections, config.settings, sockets, Rc::clone(&self.tap));
+                    coupler.configure(&connections, config.settings, sockets.into_iter(), Rc::clone(&self.tap));
                 }
             }
             Err(error) => {
-                warn!("the keys of the link: {error}");
+                warn!("the settings of the link: {error}");
                 self.terminate.store(true, Ordering::Relaxed);
             }
         }

@@ -5,19 +5,18 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::time::{self, Duration};
 
-use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, What};
+use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, Ticket, ToBroker, What};
 use ob1_backplane::WindowReader;
-use ob1_cpu::{Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
-use ob1_model::{DebugAnswer, DebugEnd, DebugOrder, Event, Forced, PointItem, StateChange};
+use ob1_cpu::{Answer as CpuAnswer, Ask as CpuAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
+use ob1_model::{DebugAnswer, DebugEnd, DebugOrder, Event, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::alarms::Changes;
-use crate::client::Job;
+use crate::client::{Job, Wanted};
 use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
-use crate::port::{Asker, Port};
 use crate::rights::{list, may_force, may_touch, word};
 use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig};
 
@@ -39,9 +38,16 @@ const PARTNER: usize = 64;
 /// Packets that may wait for a link while documents are made for it: each can be many.
 const DOCUMENTS_WAITING: usize = 256;
 
+/// Who has asked, and so gets the answer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Asker {
+    link: usize,
+    client: u32,
+    ticket: Ticket,
+}
+
 /// The broker of one station: it owns every link's end, and runs on a thread of its own. See [the crate](crate).
 pub struct Broker {
-    port: Port,
     feed: FeedEnd,
     pub(crate) facts: Box<dyn Facts>,
     pub(crate) joints: Vec<Joint>,
@@ -50,8 +56,6 @@ pub struct Broker {
     drivers: Vec<DriverState>,
     /// Changes of the program under way, and who waits for them.
     changes: BTreeMap<u64, Asker>,
-    /// Cells that are about to be forced.
-    forcing: Vec<(Asker, Vec<Forced>)>,
     change: u64,
     answer_time: Span,
     /// The CPU's time to answer is measured with it.
@@ -74,7 +78,6 @@ impl Broker {
     /// # Errors
     /// No shared memory, another broker has the CPU already, or it has no share for so many links.
     pub fn new(cpu: &mut Cpu, links: Vec<LinkConfig>, feed: FeedEnd, facts: Box<dyn Facts>) -> io::Result<Self> {
-        let client = cpu.access_client().ok_or_else(|| io::Error::other("the access port is taken already"))?;
         let alarms = cpu.alarm_client().ok_or_else(|| io::Error::other("the alarms are taken already"))?;
         let mut joints = Vec::with_capacity(links.len());
         for config in links {
@@ -82,7 +85,6 @@ impl Broker {
             joints.push(joint.ok_or_else(|| io::Error::other("more links than the CPU has shares for"))?);
         }
         Ok(Self {
-            port: Port::new(client),
             feed,
             answer_time: ANSWER_TIME.saturating_add(facts.min_cycle().times(2)),
             watched: WatchedTime::new(Instant::START, GAP),
@@ -90,7 +92,6 @@ impl Broker {
             facts,
             joints,
             changes: BTreeMap::new(),
-            forcing: Vec::new(),
             change: 0,
             events: Stream::default(),
             alarms: Changes::new(alarms),
@@ -127,7 +128,7 @@ impl Broker {
 
     /// Waits until a link says something, `wake` can be read, or it is time to look at the scan.
     pub(crate) fn wait(&mut self, wake: &OwnedFd) {
-        let busy = !self.port.is_idle() || !self.changes.is_empty() || self.joints.iter().any(|joint| !joint.is_idle());
+        let busy = !self.changes.is_empty() || self.joints.iter().any(|joint| !joint.is_idle());
         // What waits for long must not delay what was asked now.
         let fresh = self.joints.iter_mut().fold(false, |any, joint| any | std::mem::take(&mut joint.fresh));
         self.looks = if busy && !fresh { self.looks.saturating_add(1) } else { 0 };
@@ -152,35 +153,13 @@ impl Broker {
         self.watch_alarms(now);
         self.tell_changes();
         self.tell_logins(now);
-        self.port.step();
-        while let Some((asker, answers)) = self.port.answered(watched) {
-            let answer = match answers {
-                Ok(answers) if asker.document => self.status(&answers),
-                Ok(answers) => {
-                    let told = self.told(&answers);
-                    let whose = self.forcing.iter().position(|(whose, _)| *whose == asker);
-                    if let Some((_, cells)) = whose.map(|at| self.forcing.remove(at))
-                        && told == Answer::Done
-                    {
-                        self.facts.force(cells);
-                    }
-                    told
-                }
-                Err(silent) => {
-                    self.forcing.retain(|(whose, _)| *whose != asker);
-                    silent
-                }
-            };
-            if let Some(joint) = self.joints.get_mut(asker.link) {
-                if let Some(client) = joint.clients.known(asker.client) {
-                    client.out = client.out.saturating_sub(1);
-                }
-                joint.answer(asker.client, asker.ticket, answer);
-            }
-        }
         for link in 0..self.joints.len() {
             if let Some(joint) = self.joints.get_mut(link) {
                 joint.step(&*self.facts, watched, self.answer_time);
+                for (client, ticket, wanted, answers) in std::mem::take(&mut joint.answered) {
+                    let answer = self.outcome(wanted, &answers);
+                    self.answer(Asker { link, client, ticket }, answer);
+                }
             }
             self.tell_events(link);
             self.tell_alarms(link);
@@ -196,6 +175,19 @@ impl Broker {
                 }
                 self.lost(link, now);
             }
+        }
+    }
+
+    /// What a client is told of the answers of the CPU.
+    fn outcome(&mut self, wanted: Wanted, answers: &[CpuAnswer]) -> Answer {
+        let told = self.told(answers);
+        match (wanted, told) {
+            (Wanted::Status, Answer::Modules { state, present }) => self.document(Document::Status, state, &present),
+            (Wanted::Forced(cells), Answer::Done) => {
+                self.facts.force(cells);
+                Answer::Done
+            }
+            (_, told) => told,
         }
     }
 
@@ -220,7 +212,7 @@ impl Broker {
                     self.record(link, client, "password", "wrong", now);
                 }
                 let answer = if is_right { Answer::Done } else { Answer::Refused(Refusal::Password) };
-                self.answer(Asker { link, client, ticket, document: false }, answer);
+                self.answer(Asker { link, client, ticket }, answer);
             }
         }
     }
@@ -240,12 +232,7 @@ impl Broker {
         let outcome = format!("{outcome}{left_out}");
         tracing::warn!(link, "{partner}: {what}: {outcome}");
         let text = ShortText::new(&format!("{link}, {partner}: {what}: {outcome}"));
-        let nobody = Asker { link: usize::MAX, client, ticket: 0, document: false };
-        self.port.ask(
-            nobody,
-            [PortAsk::Note(Event::PARTNER, text)],
-            self.watched.time().saturating_add(self.answer_time),
-        );
+        joint.note(CpuAsk::Note(Event::PARTNER, text));
         self.facts.record(&link, &partner, what, &outcome);
     }
 
@@ -314,8 +301,7 @@ impl Broker {
                 }
             }
             ToBroker::Ask { client, ticket, ask } => {
-                let document = matches!(ask, Ask::Document(Document::Status));
-                let asker = Asker { link, client, ticket, document };
+                let asker = Asker { link, client, ticket };
                 match self.ask(asker, ask, now) {
                     Ok(None) => {}
                     Ok(Some(answer)) => self.answer(asker, answer),
@@ -336,8 +322,8 @@ impl Broker {
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         let waits = joint.waits();
         let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
-        let mut forces = None;
-        let asks: Vec<PortAsk> = match ask {
+        let mut wanted = Wanted::Told;
+        let asks: Vec<CpuAsk> = match ask {
             Ask::Login(password) => {
                 joint.clients.login((asker.client, asker.ticket), password, &joint.config, now)?;
                 return Ok(None);
@@ -437,10 +423,10 @@ impl Broker {
                 let what =
                     if told.is_empty() { "end forcing".to_owned() } else { format!("force {}", told.join(", ")) };
                 self.record(asker.link, asker.client, &what, "taken", now);
-                let adds = cells.iter().map(|cell| PortAsk::Force(ForceStep::Add(*cell)));
-                let first = [PortAsk::Force(ForceStep::New)].into_iter();
-                let asks = first.chain(adds).chain([PortAsk::Force(ForceStep::Take)]).collect();
-                forces = Some(cells);
+                let adds = cells.iter().map(|cell| CpuAsk::Force(ForceStep::Add(*cell)));
+                let first = [CpuAsk::Force(ForceStep::New)].into_iter();
+                let asks = first.chain(adds).chain([CpuAsk::Force(ForceStep::Take)]).collect();
+                wanted = Wanted::Forced(cells);
                 asks
             }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
@@ -465,7 +451,7 @@ impl Broker {
                 client.may_operate()?;
                 self.check(command)?;
                 self.record(asker.link, asker.client, command.word(), "taken", now);
-                vec![PortAsk::Command(command)]
+                vec![CpuAsk::Command(command)]
             }
             Ask::Stage { id, bytes } => {
                 client.may_operate()?;
@@ -496,21 +482,23 @@ impl Broker {
             Ask::SetClock(clock) => {
                 client.may_operate()?;
                 self.record(asker.link, asker.client, "set the clock", "taken", now);
-                vec![PortAsk::SetClock(clock)]
+                vec![CpuAsk::SetClock(clock)]
             }
-            Ask::Clock => vec![PortAsk::Clock],
+            Ask::Clock => vec![CpuAsk::Clock],
             Ask::Diagnostics(count) => {
                 let count = u32::from(count).min((DIAG_ENTRIES + DIAG_STOPS) as u32);
-                (0..count).map(PortAsk::Diag).collect()
+                (0..count).map(CpuAsk::Diag).collect()
             }
             Ask::Modules | Ask::Document(_) => {
-                std::iter::once(PortAsk::State).chain((0..self.facts.modules()).map(PortAsk::Module)).collect()
+                if matches!(ask, Ask::Document(_)) {
+                    wanted = Wanted::Status;
+                }
+                std::iter::once(CpuAsk::State).chain((0..self.facts.modules()).map(CpuAsk::Module)).collect()
             }
         };
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
-        joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
-        self.forcing.extend(forces.map(|cells| (asker, cells)));
-        self.port.ask(asker, asks, self.watched.time().saturating_add(self.answer_time));
+        let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+        client.take(Job::Ask(asker.ticket, asks, wanted))?;
         Ok(None)
     }
 

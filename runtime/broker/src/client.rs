@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use ob1_access::door::{ARMED, OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_model::{ALARM_ORDERS, AlarmOrder, BlockId, DebugOrder, PassOrder, PointOrder};
+use ob1_cpu::Ask;
+use ob1_model::{ALARM_ORDERS, AlarmOrder, BlockId, DebugOrder, Forced, PassOrder, PointOrder};
 use ob1_time::Instant;
 
 use crate::LinkConfig;
@@ -12,9 +13,21 @@ use crate::logins::Logins;
 
 /// Most clients of one link at one time.
 const CLIENTS: usize = 4096;
+/// What becomes of the answers of the CPU.
+#[derive(Clone, Debug)]
+pub(crate) enum Wanted {
+    /// They are told.
+    Told,
+    /// A document tells them.
+    Status,
+    /// If all is done, these cells are forced.
+    Forced(Vec<Forced>),
+}
+
 /// Something of a client that waits for its turn at the scan.
 #[derive(Debug)]
 pub(crate) enum Job {
+    Ask(Ticket, Vec<Ask>, Wanted),
     Group(Ticket, Vec<Put>),
     List(Ticket, u16, u16),
     Pass(Ticket, PassOrder),
@@ -24,6 +37,14 @@ pub(crate) enum Job {
 }
 
 impl Job {
+    /// The client's number for its answer.
+    pub(crate) const fn ticket(&self) -> Ticket {
+        match self {
+            Self::Ask(ticket, ..) | Self::Group(ticket, _) | Self::List(ticket, ..) | Self::Pass(ticket, _) => *ticket,
+            Self::Debug(ticket, _) | Self::Point(ticket, _) | Self::Alarms(ticket, _) => *ticket,
+        }
+    }
+
     /// It may wait for long: it does not count as the others do.
     const fn is_armed(&self) -> bool {
         matches!(self, Self::Pass(..) | Self::Point(..))

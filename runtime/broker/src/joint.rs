@@ -1,6 +1,6 @@
 //! One link as the broker sees it: its share of the exchange, its connection, its clients.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,15 +12,15 @@ use ob1_access::door::{
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{
-    AlarmJob, Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob, Returned, SUMS_AT, TooMuch,
-    Window,
+    AlarmJob, Answer as CpuAnswer, Ask, Cpu, DebugJob, Frame, Group, Job as Work, Link, Listing, Mark, PassJob, Piece,
+    PointJob, Question, SUMS_AT, TooMuch, Window,
 };
 use ob1_log::Limit;
 use ob1_model::{DebugOrder, PASS_WAIT, Pass, Point, PointItem, PointOrder};
 use ob1_time::{Instant, Span};
 
 use crate::alarms::Logons;
-use crate::client::{Clients, Job};
+use crate::client::{Clients, Job, Wanted};
 use crate::connection::{Connection, Received};
 use crate::{Facts, LinkConfig};
 
@@ -79,6 +79,7 @@ struct Out {
 /// What kind of job is under way, and what its answer needs.
 #[derive(Clone, Debug)]
 enum Kind {
+    Ask(Wanted),
     /// The place of each entry in the group of the client. Inputs that a module feeds are missing.
     Group(Vec<u32>),
     List,
@@ -103,6 +104,9 @@ const fn cell(item: &PointItem) -> ob1_access::Cell {
         PointItem::Write(put) => put.cell(),
     }
 }
+
+/// A client, the number of its question, what becomes of the answers, and these.
+pub(crate) type Answered = (u32, Ticket, Wanted, Vec<CpuAnswer>);
 
 /// A link as the broker sees it; see [the module](self).
 #[derive(Debug)]
@@ -135,6 +139,12 @@ pub(crate) struct Joint {
     debugger_gone: bool,
     /// Passes and points nobody waits for any more.
     forgotten: Vec<u64>,
+    /// Entries for the diagnostic buffer that nobody waits for.
+    notes: VecDeque<Ask>,
+    /// What the CPU has answered to clients.
+    pub(crate) answered: Vec<Answered>,
+    /// The scan has not answered something in time, and nothing since.
+    silent: bool,
     /// Something was handed over since the last wait.
     pub(crate) fresh: bool,
     /// How much of what its partners do is recorded.
@@ -166,6 +176,9 @@ impl Joint {
             debugger: None,
             debugger_gone: false,
             forgotten: Vec::new(),
+            notes: VecDeque::new(),
+            answered: Vec::new(),
+            silent: false,
             fresh: false,
             records: Limit::new(RECORDS, RECORD),
         }))
@@ -275,6 +288,13 @@ impl Joint {
         }
     }
 
+    /// An entry for the diagnostic buffer, unless the CPU has not taken as many before.
+    pub(crate) fn note(&mut self, note: Ask) {
+        if self.notes.len() < RECORDS as usize {
+            self.notes.push_back(note);
+        }
+    }
+
     /// Packets that wait for the link to take them.
     pub(crate) fn waits(&self) -> usize {
         self.connection.as_ref().map_or(0, Connection::waiting)
@@ -321,7 +341,11 @@ impl Joint {
             let number = self.number;
             let mut give_up = give_up;
             let mut slow = false;
-            let (ticket, kind, full) = match job {
+            let (kind, work, job): (_, Work, _) = match job {
+                Job::Ask(ticket, asks, wanted) => {
+                    let question = Question::new(number, asks.clone());
+                    (Kind::Ask(wanted.clone()), question.into(), Job::Ask(ticket, asks, wanted))
+                }
                 Job::Group(ticket, puts) => {
                     let (mut places, mut left) = (Vec::with_capacity(puts.len()), Vec::with_capacity(puts.len()));
                     for (place, put) in (0..).zip(&puts).filter(|(_, put)| !facts.take_input(put)) {
@@ -330,21 +354,19 @@ impl Joint {
                     }
                     // The sender has been held to the bounds of a group.
                     let Ok(group) = Group::new(number, left) else { continue };
-                    (ticket, Kind::Group(places), self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
+                    (Kind::Group(places), group.into(), Job::Group(ticket, puts))
                 }
                 Job::List(ticket, list, index) => {
-                    let full = self.link.list(Listing::new(number, list, index)).is_err();
-                    (ticket, Kind::List, full.then_some(Job::List(ticket, list, index)))
+                    (Kind::List, Listing::new(number, list, index).into(), Job::List(ticket, list, index))
                 }
                 Job::Alarms(ticket, order) => {
                     // The order has been held to its bounds.
-                    let Ok(job) = AlarmJob::new(number, order.clone()) else { continue };
-                    (ticket, Kind::Alarms, self.link.alarms(job).is_err().then_some(Job::Alarms(ticket, order)))
+                    let Ok(work) = AlarmJob::new(number, order.clone()) else { continue };
+                    (Kind::Alarms, work.into(), Job::Alarms(ticket, order))
                 }
                 Job::Pass(ticket, order) => {
                     give_up = give_up.saturating_add(Span::from_nanos(order.wait.min(PASS_WAIT)));
-                    let full = self.link.pass(PassJob::new(number, order)).is_err();
-                    (ticket, Kind::Pass, full.then_some(Job::Pass(ticket, order)))
+                    (Kind::Pass, PassJob::new(number, order).into(), Job::Pass(ticket, order))
                 }
                 Job::Point(ticket, order) => {
                     let allowed: Vec<bool> =
@@ -352,20 +374,30 @@ impl Joint {
                     let items = order.items.iter().zip(&allowed).filter(|(_, allowed)| **allowed);
                     let items = items.map(|(item, _)| item.clone()).collect();
                     (give_up, slow) = (Instant::NEVER, order.stays || order.point == Point::Stop);
-                    let full = self.link.point(PointJob::new(number, PointOrder { items, ..order })).is_err();
-                    (ticket, Kind::Point(allowed), full.then_some(Job::Point(ticket, order)))
+                    let work = PointJob::new(number, PointOrder { items, ..order }).into();
+                    (Kind::Point(allowed), work, Job::Point(ticket, order))
                 }
                 Job::Debug(ticket, order) => {
                     if let DebugOrder::Hold { wait, .. } = order {
                         give_up = give_up.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
                     }
-                    let full = self.link.debug(DebugJob::new(number, order.clone())).is_err();
-                    (ticket, Kind::Debug, full.then_some(Job::Debug(ticket, order)))
+                    (Kind::Debug, DebugJob::new(number, order.clone()).into(), Job::Debug(ticket, order))
                 }
             };
-            if let Some(job) = full {
-                self.clients.put_back(client, job);
-                return;
+            let ticket = job.ticket();
+            let is_full = self.link.hand(work).is_err();
+            match job {
+                _ if !is_full => {}
+                // Whoever asks a CPU that does not answer is told so, although there is no room to ask it.
+                Job::Group(..) if self.silent => {
+                    self.written(client, ticket, Err(Refused { entry: 0, why: Refusal::Silent }));
+                    continue;
+                }
+                _ if self.silent => {
+                    self.answer(client, ticket, Answer::Refused(Refusal::Silent));
+                    continue;
+                }
+                job => return self.clients.put_back(client, job),
             }
             self.fresh = true;
             let armed = kind.is_armed();
@@ -379,8 +411,14 @@ impl Joint {
     /// What the scan has given back.
     fn take_back(&mut self, facts: &dyn Facts) {
         while let Some(returned) = self.link.take() {
+            self.silent = false;
             match returned {
-                Returned::Group(group) => {
+                Work::Question(question) => {
+                    let Some(out) = self.done(question.id()) else { continue };
+                    let Kind::Ask(wanted) = out.kind else { continue };
+                    self.answered.push((out.client, out.ticket, wanted, question.answers().to_vec()));
+                }
+                Work::Group(group) => {
                     let Some(out) = self.done(group.id()) else { continue };
                     let outcome = group.outcome().map(|()| group.scan()).map_err(|(entry, error)| {
                         let place = if let Kind::Group(places) = &out.kind { places.get(entry) } else { None };
@@ -388,7 +426,7 @@ impl Joint {
                     });
                     self.written(out.client, out.ticket, outcome);
                 }
-                Returned::List(listing) => {
+                Work::List(listing) => {
                     let Some(out) = self.done(listing.id()) else { continue };
                     let answer = match listing.found() {
                         Ok((record, bytes)) => {
@@ -402,7 +440,7 @@ impl Joint {
                     };
                     self.answer(out.client, out.ticket, answer);
                 }
-                Returned::Alarms(job) => {
+                Work::Alarms(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
                     let (list, after) = job.list();
                     let answer = match job.found() {
@@ -411,11 +449,11 @@ impl Joint {
                     };
                     self.answer(out.client, out.ticket, answer);
                 }
-                Returned::Pass(job) => {
+                Work::Pass(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
                     self.answer(out.client, out.ticket, Answer::Pass(job.into_pass()));
                 }
-                Returned::Debug(job) => {
+                Work::Debug(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
                     let mut answer = job.into_answer();
                     // Only links speak of machine code; whoever steps through blocks here does not pay for it.
@@ -425,7 +463,7 @@ impl Joint {
                     }
                     self.answer(out.client, out.ticket, Answer::Debug(answer));
                 }
-                Returned::Point(job) => {
+                Work::Point(job) => {
                     let Some(out) = self.done(job.id()) else { continue };
                     let Kind::Point(allowed) = &out.kind else { continue };
                     let mut outcomes = job.outcomes();
@@ -508,6 +546,11 @@ impl Joint {
             self.awaited = None;
             self.say(&ToLink::Watching(generation));
         }
+        while let Some(note) = self.notes.front()
+            && self.link.hand(Question::new(0, vec![*note])).is_ok()
+        {
+            self.notes.pop_front();
+        }
         while let Some(number) = self.forgotten.pop() {
             if self.link.forget(number).is_err() {
                 self.forgotten.push(number);
@@ -516,11 +559,12 @@ impl Joint {
         }
         if self.debugger_gone {
             self.number += 1;
-            self.debugger_gone = self.link.debug(DebugJob::new(self.number, DebugOrder::End)).is_err();
+            self.debugger_gone = self.link.hand(DebugJob::new(self.number, DebugOrder::End)).is_err();
         }
         self.hand_over(facts, now.saturating_add(answer_time));
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();
         for number in silent {
+            self.silent = true;
             match self.done(number) {
                 Some(out) if matches!(out.kind, Kind::Group(_)) => {
                     self.written(out.client, out.ticket, Err(Refused { entry: 0, why: Refusal::Silent }));

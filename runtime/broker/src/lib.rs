@@ -19,7 +19,6 @@ mod facts;
 mod feed;
 mod joint;
 mod logins;
-mod port;
 mod rights;
 mod telling;
 mod thread;

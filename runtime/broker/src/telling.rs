@@ -1,7 +1,7 @@
 //! What the broker tells: answers of the CPU in the words of the door, events, alarms.
 
 use ob1_access::door::{Answer, Document, News, Refusal, State, ToLink};
-use ob1_cpu::Answer as PortAnswer;
+use ob1_cpu::Answer as CpuAnswer;
 use ob1_model::Displays;
 use ob1_time::Instant;
 
@@ -23,36 +23,29 @@ impl Broker {
         Answer::Document { last: true, bytes: self.facts.document(which, state, present, &links) }
     }
 
-    pub(crate) fn status(&self, answers: &[PortAnswer]) -> Answer {
-        match self.told(answers) {
-            Answer::Modules { state, present } => self.document(Document::Status, state, &present),
-            other => other,
-        }
-    }
-
-    /// What the port has answered to one question.
-    pub(crate) fn told(&self, answers: &[PortAnswer]) -> Answer {
+    /// What the CPU has answered to one question.
+    pub(crate) fn told(&self, answers: &[CpuAnswer]) -> Answer {
         match answers {
-            [PortAnswer::Done] => Answer::Done,
+            [CpuAnswer::Done] => Answer::Done,
             // Cells that are forced: all are taken, or the first that is not says why.
-            [PortAnswer::Done, PortAnswer::Done | PortAnswer::Refused(_), ..] => {
+            [CpuAnswer::Done, CpuAnswer::Done | CpuAnswer::Refused(_), ..] => {
                 let refused = answers.iter().find_map(|answer| match answer {
-                    PortAnswer::Refused(error) => Some(Answer::Refused(Refusal::Cell(*error))),
+                    CpuAnswer::Refused(error) => Some(Answer::Refused(Refusal::Cell(*error))),
                     _ => None,
                 });
                 refused.unwrap_or(Answer::Done)
             }
-            [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
-            [PortAnswer::State(state), modules @ ..] => {
-                let present = |answer: &PortAnswer| matches!(answer, PortAnswer::Module(module) if module.present);
+            [CpuAnswer::Clock(clock)] => Answer::Clock(*clock),
+            [CpuAnswer::State(state), modules @ ..] => {
+                let present = |answer: &CpuAnswer| matches!(answer, CpuAnswer::Module(module) if module.present);
                 Answer::Modules { state: *state, present: modules.iter().map(present).collect() }
             }
-            [PortAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
+            [CpuAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
                 Answer::Refused(Refusal::Cell(*error))
             }
             entries => {
                 let entries = entries.iter().map_while(|answer| match answer {
-                    PortAnswer::Diag(entry) => Some(self.facts.diagnosis(entry)),
+                    CpuAnswer::Diag(entry) => Some(self.facts.diagnosis(entry)),
                     _ => None,
                 });
                 Answer::Diagnostics(entries.collect())

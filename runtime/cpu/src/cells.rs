@@ -1,4 +1,4 @@
-//! Cells of the access port in the memory of the CPU.
+//! Cells, as links name them, in the memory of the CPU.
 
 use ob1_model::{Area, Put, S5Time};
 

@@ -61,10 +61,8 @@ pub struct CpuConfig {
     pub serial: String,
     /// By how many percent of a cycle a job of program status may make a scan longer, 0 to 1000.
     pub test_load: u16,
-    /// Items of the access port served in one scan, at least 1.
-    pub port_items_per_scan: u32,
-    /// Items the access port's rings hold, at least 1.
-    pub port_capacity: usize,
+    /// Commands and questions of links that one scan answers, at least 1.
+    pub questions_per_scan: u32,
     /// Peripheral reads answer from the process image of the inputs and peripheral writes land in that of the outputs:
     /// for programs run without modules.
     pub peripheral_from_image: bool,
@@ -110,8 +108,7 @@ impl Default for CpuConfig {
             order: String::new(),
             serial: "0".to_owned(),
             test_load: 10,
-            port_items_per_scan: 64,
-            port_capacity: 256,
+            questions_per_scan: 64,
             peripheral_from_image: false,
         }
     }

@@ -1,4 +1,4 @@
-//! A CPU seen from outside: commands, figures, cells, access port. Its cycle is in [`crate::cycle`], its start-up in
+//! A CPU seen from outside: commands, figures, cells, links. Its cycle is in [`crate::cycle`], its start-up in
 //! [`crate::startup`].
 
 use std::sync::Arc;
@@ -14,8 +14,8 @@ use crate::exchange::{Exchange, Link};
 use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
-    AccessClient, Accounts, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot, ModuleStatus,
-    OperatingState, RecordingClient, ScanPosition, ScanRecord, ScanStatistics, ShortText, Sums, Width, Window,
+    Accounts, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot, ModuleStatus, OperatingState,
+    RecordingClient, ScanPosition, ScanRecord, ScanStatistics, ShortText, Sums, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -23,7 +23,6 @@ pub struct Cpu {
     pub(crate) machine: Machine,
     pub(crate) blocks: Blocks,
     pub(crate) exchange: Exchange,
-    client: Option<AccessClient>,
     alarms: Option<AlarmClient>,
     log: Option<LogReader>,
     pub(crate) state: OperatingState,
@@ -47,18 +46,11 @@ impl std::fmt::Debug for Cpu {
 }
 
 impl Cpu {
-    pub(crate) fn assemble(
-        machine: Machine,
-        blocks: Blocks,
-        ends: (AccessClient, AlarmClient),
-        log: LogReader,
-    ) -> Self {
-        let (client, alarms) = ends;
+    pub(crate) fn assemble(machine: Machine, blocks: Blocks, alarms: AlarmClient, log: LogReader) -> Self {
         Self {
             machine,
             blocks,
             exchange: Exchange::default(),
-            client: Some(client),
             alarms: Some(alarms),
             log: Some(log),
             state: OperatingState::Stop,
@@ -69,11 +61,6 @@ impl Cpu {
             has_run: false,
             stop_event: 0,
         }
-    }
-
-    /// The client end of the access port; there is one.
-    pub fn access_client(&mut self) -> Option<AccessClient> {
-        self.client.take()
     }
 
     /// The end of the alarms for the broker; there is one.

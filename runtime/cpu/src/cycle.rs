@@ -13,7 +13,7 @@ use crate::{
     ShortText,
 };
 
-/// Time between two looks at access port and modules in STOP.
+/// Time between two looks at links and modules in STOP.
 const STOP_CYCLE: Span = Span::from_millis(10);
 /// Events taken from one module in one scan.
 const EVENTS_PER_SCAN: usize = 8;
@@ -23,10 +23,10 @@ const CLOCK_HALF_MS: [u64; 8] = [50, 100, 200, 250, 400, 500, 800, 1000];
 const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
 
 impl Cpu {
-    /// One whole cycle: access port, exchange with the links, events of the modules, process image of the inputs, OB 1,
-    /// process image of the outputs, statistics. If an interrupt is due before the next cycle, only that is served
-    /// ([`CycleEnd::whole`] is false then). In STOP only access port, exchange and modules are served. The caller
-    /// sleeps until the deadline it is given.
+    /// One whole cycle: questions of the links, exchange with them, events of the modules, process image of the inputs,
+    /// OB 1, process image of the outputs, statistics. If an interrupt is due before the next cycle, only that is
+    /// served ([`CycleEnd::whole`] is false then). In STOP only links and modules are served. The caller sleeps until
+    /// the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         let end = self.serve_and_run(clock);
         CycleEnd { next_deadline: end.next_deadline.saturating_add(self.machine.held), ..end }
@@ -44,7 +44,7 @@ impl Cpu {
     fn serve_and_run(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.hot.now = self.machine.hot.now.max(self.machine.time(clock));
         self.machine.memory.reuse_deleted();
-        self.machine.serve_port(&self.blocks, self.state);
+        self.exchange.questions(&mut self.machine, &self.blocks, self.state);
         if self.machine.attention.take_halt() {
             self.machine.wanted = Some(Command::Stop);
         }
@@ -266,7 +266,7 @@ impl Cpu {
         ran
     }
 
-    /// Serves access port and modules while the program stands still.
+    /// Serves links and modules while the program stands still.
     pub(crate) fn stop_cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         let now = self.machine.hot.now;
         self.machine.modules.begin_scan(self.machine.real());

@@ -2,8 +2,11 @@
 //!
 //! The order, in STOP too: outputs, writes of the links, snapshots, inputs. A link says which pieces of memory it
 //! watches; they are copied together into its window ([`crate::Window`]). Its writes come in groups that land whole; a
-//! group is answered after the snapshot that contains it. Everything else goes through the two rings of a link. What a
-//! link has sent is returned to it, so the scan allocates and frees nothing, and never waits.
+//! group is answered after the snapshot that contains it. Everything else goes through the rings of a link. What a link
+//! has sent is returned to it, so the scan allocates and frees nothing, and never waits.
+//!
+//! Commands and questions have a ring of their own: they are answered before the cycle changes the operating state, and
+//! within a cycle that does not end, where nothing may be written.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,9 +16,10 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::alarms::AlarmJob;
 use crate::cells;
+use crate::context::Blocks;
 use crate::holding::DebugJob;
 use crate::machine::Machine;
-use crate::orders::{Group, Listing, TooMuch};
+use crate::orders::{Answer, Group, Listing, Question, TooMuch};
 use crate::points::PointJob;
 use crate::recording::Recordings;
 use crate::watching::PassJob;
@@ -24,7 +28,7 @@ use crate::{Mark, OperatingState, Window};
 /// Most links of a CPU.
 pub const LINKS: usize = 9;
 
-/// Orders and groups of one link that can be under way.
+/// Orders and groups of one link that can be under way, and as many questions.
 const RING: usize = 32;
 /// Groups of a link that one cycle control point takes.
 const GROUPS: usize = 8;
@@ -151,66 +155,64 @@ fn copy(bytes: &[u8], into: &[AtomicU64]) {
     last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
-/// What goes from a link to the CPU.
-enum Order {
-    Watch(Box<Watch>),
+/// What a link hands to the CPU, and gets back when it is done.
+#[derive(Debug)]
+pub enum Job {
+    /// Commands and questions.
+    Question(Box<Question>),
+    /// Writes that land together. When they come back, the newest snapshot contains them.
     Group(Box<Group>),
+    /// A system status list.
     List(Box<Listing>),
+    /// A pass through a block.
     Pass(Box<PassJob>),
+    /// Breakpoints, HOLD, stacks.
     Debug(Box<DebugJob>),
+    /// Cells read and written at a point of the cycle.
     Point(Box<PointJob>),
+    /// About alarms.
     Alarms(Box<AlarmJob>),
+}
+
+/// A job by the type of what is asked.
+macro_rules! jobs {
+    ($($kind:ident($asked:ty),)*) => {
+        $(impl From<$asked> for Job {
+            fn from(asked: $asked) -> Self {
+                Self::$kind(Box::new(asked))
+            }
+        })*
+    };
+}
+
+jobs! {
+    Question(Question), Group(Group), List(Listing), Pass(PassJob), Debug(DebugJob), Point(PointJob), Alarms(AlarmJob),
+}
+
+/// What goes from a link to the CPU.
+#[derive(Debug)]
+enum Order {
+    Job(Job),
+    Watch(Box<Watch>),
     /// Nobody waits for the job with this number any more.
     Forget(u64),
 }
 
 /// What goes from the CPU to a link.
+#[derive(Debug)]
 pub(crate) enum Back {
-    Group(Box<Group>),
-    List(Box<Listing>),
-    Pass(Box<PassJob>),
-    Debug(Box<DebugJob>),
-    Point(Box<PointJob>),
-    Alarms(Box<AlarmJob>),
+    Job(Job),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
-}
-
-/// What comes back to a link.
-#[derive(Debug)]
-pub enum Returned {
-    /// A group has landed or was refused. The newest snapshot contains it.
-    Group(Box<Group>),
-    /// A system status list, or why there is none.
-    List(Box<Listing>),
-    /// A pass through a block, or why there is none.
-    Pass(Box<PassJob>),
-    /// Breakpoints are set, or the CPU holds.
-    Debug(Box<DebugJob>),
-    /// What was read and written at a point of the cycle.
-    Point(Box<PointJob>),
-    /// What a display has asked about alarms.
-    Alarms(Box<AlarmJob>),
 }
 
 /// A link's end. It belongs to one thread.
 #[derive(Debug)]
 pub struct Link {
+    questions: Producer<Box<Question>>,
     orders: Producer<Order>,
     back: Consumer<Back>,
     generation: u64,
-}
-
-impl std::fmt::Debug for Order {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Order")
-    }
-}
-
-impl std::fmt::Debug for Back {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Back")
-    }
 }
 
 impl Link {
@@ -235,40 +237,15 @@ impl Link {
         self.generation
     }
 
-    /// Hands a group over; it comes back with [`Link::take`].
+    /// Hands a job over; it comes back with [`Link::take`]. A question can be asked again then.
     ///
     /// # Errors
-    /// Too much is under way; the group is returned.
-    pub fn write(&mut self, group: Group) -> Result<(), Group> {
-        match self.orders.push(Order::Group(Box::new(group))) {
-            Err(rtrb::PushError::Full(Order::Group(group))) => Err(*group),
-            // Nothing else was pushed.
-            _ => Ok(()),
+    /// [`TooMuch::UnderWay`]: its ring is full.
+    pub fn hand(&mut self, job: impl Into<Job>) -> Result<(), TooMuch> {
+        match job.into() {
+            Job::Question(question) => self.questions.push(question).map_err(|_| TooMuch::UnderWay),
+            job => self.orders.push(Order::Job(job)).map_err(|_| TooMuch::UnderWay),
         }
-    }
-
-    /// Asks for a system status list; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn list(&mut self, listing: Listing) -> Result<(), TooMuch> {
-        self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks for a pass through a block; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn pass(&mut self, job: PassJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
 
     /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
@@ -279,33 +256,11 @@ impl Link {
         self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
 
-    /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn debug(&mut self, job: DebugJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// Asks about alarms; it comes back with [`Link::take`].
-    ///
-    /// # Errors
-    /// [`TooMuch::UnderWay`]: the ring of orders is full.
-    pub fn alarms(&mut self, job: AlarmJob) -> Result<(), TooMuch> {
-        self.orders.push(Order::Alarms(Box::new(job))).map_err(|_| TooMuch::UnderWay)
-    }
-
-    /// The next thing that has come back.
-    pub fn take(&mut self) -> Option<Returned> {
+    /// The next job that has come back.
+    pub fn take(&mut self) -> Option<Job> {
         loop {
-            match self.back.pop().ok()? {
-                Back::Group(group) => return Some(Returned::Group(group)),
-                Back::List(listing) => return Some(Returned::List(listing)),
-                Back::Pass(job) => return Some(Returned::Pass(job)),
-                Back::Debug(job) => return Some(Returned::Debug(job)),
-                Back::Point(job) => return Some(Returned::Point(job)),
-                Back::Alarms(job) => return Some(Returned::Alarms(job)),
-                Back::OldWatch(_) => {}
+            if let Back::Job(job) = self.back.pop().ok()? {
+                return Some(job);
             }
         }
     }
@@ -321,6 +276,9 @@ impl Link {
 struct End {
     /// Its place among all.
     place: usize,
+    questions: Consumer<Box<Question>>,
+    /// A question with more parts than a look answers.
+    question: Option<Box<Question>>,
     orders: Consumer<Order>,
     back: Producer<Back>,
     window: Box<dyn Window>,
@@ -335,8 +293,9 @@ pub(crate) struct Exchange {
     ends: Vec<End>,
     /// Cycle control points so far.
     scan: u64,
-    /// The link whose groups come first this time.
+    /// The link whose groups come first this time, and the one whose questions do.
     first: usize,
+    asker: usize,
     pub(crate) recordings: Recordings,
 }
 
@@ -347,17 +306,33 @@ impl Exchange {
             return None;
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
-        // Room for all orders, for the watch that each may replace, and for the jobs that stay with the CPU.
-        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS + POINT_JOBS);
+        let (ask, questions) = RingBuffer::new(RING);
+        // Room for all orders and questions, for the watch that an order may replace, and for the jobs that stay with
+        // the CPU.
+        let (back, from_cpu) = RingBuffer::new(3 * RING + PASS_JOBS + POINT_JOBS);
         let place = self.ends.len();
-        self.ends.push(End { place, orders, back, window, watch: None, landed: [const { None }; GROUPS] });
-        Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
+        let landed = [const { None }; GROUPS];
+        self.ends.push(End { place, questions, question: None, orders, back, window, watch: None, landed });
+        Some(Link { questions: ask, orders: to_cpu, back: from_cpu, generation: 0 })
     }
 
     /// Whether there is anything to do for a link at this cycle control point.
     pub(crate) fn is_idle(&self) -> bool {
         let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.steps.is_empty());
         self.recordings.is_idle() && self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
+    }
+
+    /// Answers what links ask, each in turn, up to the bound of a look.
+    pub(crate) fn questions(&mut self, m: &mut Machine, blocks: &Blocks, state: OperatingState) {
+        let (mut left, links) = (m.config.questions_per_scan.max(1), self.ends.len());
+        for turn in 0..links {
+            let at = if self.asker + turn < links { self.asker + turn } else { self.asker + turn - links };
+            if !self.ends[at].questions(m, blocks, state, &mut left) {
+                // The others were not heard: they are first next time.
+                self.asker = if at + 1 < links { at + 1 } else { 0 };
+                return;
+            }
+        }
     }
 
     /// The cycle control point: writes, then the snapshots, then the answers.
@@ -373,9 +348,9 @@ impl Exchange {
     }
 
     /// A job of this link has ended.
-    pub(crate) fn give_back(&mut self, link: usize, job: Back) {
+    pub(crate) fn give_back(&mut self, link: usize, job: Job) {
         if let Some(end) = self.ends.get_mut(link) {
-            let _ = end.back.push(job);
+            let _ = end.back.push(Back::Job(job));
         }
     }
 
@@ -397,6 +372,32 @@ impl Exchange {
 }
 
 impl End {
+    /// Answers its questions as long as there is room; false when nothing is `left` for others.
+    fn questions(&mut self, m: &mut Machine, blocks: &Blocks, state: OperatingState, left: &mut u32) -> bool {
+        loop {
+            if self.question.is_none() {
+                // What is taken must find room on its way back.
+                if self.questions.is_empty() || self.back.slots() < GROUPS + 1 {
+                    return true;
+                }
+                self.question = self.questions.pop().ok();
+                self.question.iter_mut().for_each(|question| question.begin());
+            }
+            while let Some(question) = &mut self.question
+                && let Some(ask) = question.next()
+            {
+                if *left == 0 {
+                    return false;
+                }
+                *left -= 1;
+                question.answer(m.answer(blocks, state, ask).unwrap_or_else(Answer::Refused));
+            }
+            if let Some(question) = self.question.take() {
+                let _ = self.back.push(Back::Job(Job::Question(question)));
+            }
+        }
+    }
+
     /// Takes orders up to the next group, and lands that; false when there is none for this scan.
     fn one_group(&mut self, m: &mut Machine, state: OperatingState, left: &mut usize) -> bool {
         let Some(place) = self.landed.iter().position(Option::is_none) else { return false };
@@ -407,60 +408,64 @@ impl End {
                 return false;
             }
             match self.orders.peek() {
-                Ok(Order::Group(group)) if group.bytes > *left => return false,
+                Ok(Order::Job(Job::Group(group))) if group.bytes > *left => return false,
                 // One list per call: each takes time.
-                Ok(Order::List(_) | Order::Alarms(_)) if listed => return false,
+                Ok(Order::Job(Job::List(_) | Job::Alarms(_))) if listed => return false,
                 _ => {}
             }
-            match self.orders.pop() {
-                Ok(Order::Group(mut group)) => {
+            let job = match self.orders.pop() {
+                Ok(Order::Job(job)) => job,
+                Ok(Order::Watch(watch)) => {
+                    if let Some(old) = self.watch.replace(watch) {
+                        let _ = self.back.push(Back::OldWatch(old));
+                    }
+                    continue;
+                }
+                Ok(Order::Forget(id)) => {
+                    m.watching.forget(self.place, id);
+                    if let Some(job) = m.points.forget(self.place, id) {
+                        let _ = self.back.push(Back::Job(Job::Point(job)));
+                    }
+                    continue;
+                }
+                Err(_) => return false,
+            };
+            let done = match job {
+                Job::Group(mut group) => {
                     *left -= group.bytes;
                     group.land(m);
                     m.put_forced();
                     self.landed[place] = Some(group);
                     return true;
                 }
-                Ok(Order::Watch(watch)) => {
-                    if let Some(old) = self.watch.replace(watch) {
-                        let _ = self.back.push(Back::OldWatch(old));
-                    }
-                }
-                Ok(Order::List(mut listing)) => {
+                Job::List(mut listing) => {
                     listing.ask(m, state);
                     listed = true;
-                    let _ = self.back.push(Back::List(listing));
+                    Some(Job::List(listing))
                 }
-                Ok(Order::Pass(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.watching.take(job, m.hot.now) {
-                        let _ = self.back.push(Back::Pass(job));
-                    }
-                }
-                Ok(Order::Debug(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.debugging.take(job) {
-                        let _ = self.back.push(Back::Debug(job));
-                    }
-                }
-                Ok(Order::Point(mut job)) => {
-                    job.link = self.place;
-                    if let Some(job) = m.points.take(job) {
-                        let _ = self.back.push(Back::Point(job));
-                    }
-                }
-                Ok(Order::Alarms(mut job)) => {
+                Job::Alarms(mut job) => {
                     let time = m.alarm_time();
                     job.carry_out(&mut m.alarms, time);
                     listed = true;
-                    let _ = self.back.push(Back::Alarms(job));
+                    Some(Job::Alarms(job))
                 }
-                Ok(Order::Forget(id)) => {
-                    m.watching.forget(self.place, id);
-                    if let Some(job) = m.points.forget(self.place, id) {
-                        let _ = self.back.push(Back::Point(job));
-                    }
+                Job::Pass(mut job) => {
+                    job.link = self.place;
+                    m.watching.take(job, m.hot.now).map(Job::Pass)
                 }
-                Err(_) => return false,
+                Job::Debug(mut job) => {
+                    job.link = self.place;
+                    m.debugging.take(job).map(Job::Debug)
+                }
+                Job::Point(mut job) => {
+                    job.link = self.place;
+                    m.points.take(job).map(Job::Point)
+                }
+                // It has a ring of its own.
+                Job::Question(question) => Some(Job::Question(question)),
+            };
+            if let Some(job) = done {
+                let _ = self.back.push(Back::Job(job));
             }
         }
     }
@@ -475,7 +480,7 @@ impl End {
         for place in &mut self.landed {
             if let Some(mut group) = place.take() {
                 group.scan = scan;
-                let _ = self.back.push(Back::Group(group));
+                let _ = self.back.push(Back::Job(Job::Group(group)));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! HOLD: breakpoints and single step.
 //!
 //! While there are breakpoints, every block runs statement by statement. Before a statement at which the CPU is to hold
-//! the scan thread stays where it is: it serves access port and links, keeps the outputs in their safe state, and the
+//! the scan thread stays where it is: it serves links, keeps the outputs in their safe state, and the
 //! CPU's one notion of time stands still, for timers, cycle monitoring and time-driven organization blocks. The date
 //! goes on. ("Programming with STEP 7", 21.3 and 27.1)
 
@@ -13,13 +13,13 @@ use ob1_time::{Instant, Span};
 
 use crate::context::{Blocks, Context};
 use crate::engine::{Caller, Regs};
-use crate::exchange::{Back, Exchange};
+use crate::exchange::{Exchange, Job};
 use crate::machine::Machine;
 use crate::stacks::{self, DEEPEST};
 use crate::watching::Entering;
 use crate::{Abort, Clock, Command, Cpu, DiagBuffer, ObInfo, OperatingState, ShortText};
 
-/// Time between two looks at access port and links.
+/// Time between two looks at links.
 const LOOK: Span = Span::from_millis(5);
 /// Orders at one cycle control point.
 const JOBS: usize = 4;
@@ -206,7 +206,7 @@ impl Machine {
             match end {
                 Some(end) => {
                     job.answer.end = end;
-                    exchange.give_back(job.link, Back::Debug(job));
+                    exchange.give_back(job.link, Job::Debug(job));
                 }
                 // It waits for the next hold; who waited before learns how it is now.
                 None => {
@@ -214,7 +214,7 @@ impl Machine {
                         job.until = now.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
                     }
                     if let Some(before) = self.debugging.waiting.replace(job) {
-                        exchange.give_back(before.link, Back::Debug(before));
+                        exchange.give_back(before.link, Job::Debug(before));
                     }
                 }
             }
@@ -231,7 +231,7 @@ impl Machine {
             if let (DebugEnd::Held, Some(r)) = (end, here) {
                 self.show(&mut job.answer.held, blocks, r, 0);
             }
-            exchange.give_back(job.link, Back::Debug(job));
+            exchange.give_back(job.link, Job::Debug(job));
         }
     }
 
@@ -328,7 +328,7 @@ impl Context<'_> {
         machine.debugging.step = None;
         let (before, mut last) = (machine.held, self.clock.now());
         let told = loop {
-            machine.serve_port(blocks, OperatingState::Hold);
+            self.exchange.questions(machine, blocks, OperatingState::Hold);
             let halt = machine.attention.take_halt();
             match machine.wanted {
                 // A programming device has brought it here, and lets it go.

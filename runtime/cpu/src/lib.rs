@@ -1,10 +1,9 @@
-//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, access port, and the reference
-//! engine that defines what a statement means.
+//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, exchange with links, and the
+//! reference engine that defines what a statement means.
 //!
 //! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the
 //! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
-mod access_port;
 mod accounts;
 mod alarms;
 mod arena;
@@ -59,7 +58,6 @@ mod twin;
 mod wall;
 mod watching;
 
-pub use access_port::{AccessClient, Answer, Ask, Request, Response};
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
@@ -71,7 +69,7 @@ pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagBuffer, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
-pub use exchange::{LINKS, Link, Returned};
+pub use exchange::{Job, LINKS, Link};
 pub use force::ForceStep;
 pub use holding::{DebugJob, Follower};
 pub use load::Surroundings;
@@ -87,7 +85,7 @@ pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
 pub use ob1_std::{Abort, Instance, NativeArea, Refused};
 pub use ob1_time::{Clock, Still};
-pub use orders::{Group, LIST_BYTES, Listing, SUMS_AT, TooMuch};
+pub use orders::{Answer, Ask, Group, LIST_BYTES, Listing, Question, SUMS_AT, TooMuch};
 pub use points::PointJob;
 pub use ports::*;
 pub use recording::{ObRun, RECORDINGS, RecordingClient, Row, Rows};

@@ -6,7 +6,6 @@ use ob1_ir::{Op, Program, Verified};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_time::{Instant, Span};
 
-use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::alarms::Alarms;
 use crate::context::Blocks;
@@ -186,7 +185,6 @@ impl Cpu {
             running: Arc::default(),
             attention: attention.clone(),
         };
-        let (port, client) = AccessPort::new(config.port_capacity);
         let (alarms, alarm_client) = Alarms::new();
         let (log, reader) = LogWriter::new();
         let wall = Wall::new(config.date_at_start);
@@ -206,7 +204,6 @@ impl Cpu {
             pace: Span::ZERO,
             watchdog: Watchdog::default(),
             standstill: Standstill::default(),
-            port,
             wanted: None,
             refs: vec![0; REFERENCES].into_boxed_slice(),
             stack,
@@ -241,7 +238,7 @@ impl Cpu {
             force: Force::default(),
             config,
         };
-        Ok(Cpu::assemble(machine, blocks, (client, alarm_client), reader))
+        Ok(Cpu::assemble(machine, blocks, alarm_client, reader))
     }
 }
 
@@ -260,7 +257,6 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     check("nesting_depth", u64::from(config.nesting_depth), 64);
     check("db_pool_bytes", u64::from(config.db_pool_bytes), 64 << 20);
     check("test_load", u64::from(config.test_load), 1000);
-    check("port_capacity", config.port_capacity as u64, 65_536);
     if let Some(byte) = config.clock_memory {
         check("clock_memory", u64::from(byte), u64::from(config.memory_bytes).saturating_sub(1));
     }
@@ -291,9 +287,6 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     }
     if config.nesting_depth == 0 {
         wrong("nesting_depth", 0, 64);
-    }
-    if config.port_capacity == 0 {
-        wrong("port_capacity", 0, 65_536);
     }
 }
 

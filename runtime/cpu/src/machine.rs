@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_model::{Event, Site};
 use ob1_time::{Instant, Span};
 
-use crate::access_port::AccessPort;
 use crate::accounts::Trace;
 use crate::alarms::Alarms;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
@@ -92,7 +91,6 @@ pub(crate) struct Machine {
     pub(crate) pace: Span,
     pub(crate) watchdog: Watchdog,
     pub(crate) standstill: Standstill,
-    pub(crate) port: AccessPort,
     /// A change of the operating state that is asked for.
     pub(crate) wanted: Option<Command>,
     /// References to actual parameters, a stack.

@@ -1,10 +1,10 @@
-//! What links ask the scan for: groups of writes, and system status lists.
+//! What links ask the scan for: groups of writes, system status lists, commands and questions.
 
-use ob1_model::{Cell, CellError, GROUP_ENTRIES, Put, WRITE_BYTES};
+use ob1_model::{Cell, CellError, Event, GROUP_ENTRIES, Put, WRITE_BYTES};
 use ob1_std::services::{StatusError, SystemStatus as _};
 
 use crate::machine::Machine;
-use crate::{OperatingState, cells};
+use crate::{Command, DiagEntry, ForceStep, InterruptError, ModuleStatus, OperatingState, ShortText, cells};
 
 /// Where the record of the protection (list 0132 index 4) has its two checksums.
 pub const SUMS_AT: usize = 16;
@@ -151,5 +151,97 @@ impl Listing {
             }
         });
         m.seen_from_outside = None;
+    }
+}
+
+/// A command, or a question about the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// A change of the operating state.
+    Command(Command),
+    /// Asks for the operating state.
+    State,
+    /// A diagnostic entry, counted back from the newest (0).
+    Diag(u32),
+    /// A hardware interrupt, see [`crate::Cpu::fire_hardware_interrupt`].
+    HardwareInterrupt {
+        /// The organization block, 40 to 47.
+        ob: u16,
+        /// Logical base address of the module, for the start information.
+        address: u16,
+        /// What the module reports, for the start information.
+        point: u32,
+    },
+    /// The module with this index, in the order in which the modules were given to the CPU.
+    Module(u32),
+    /// Date and time of day of the CPU.
+    Clock,
+    /// Sets them, as SFC 0 does: the eight bytes of a DATE_AND_TIME.
+    SetClock([u8; 8]),
+    /// An entry for the diagnostic buffer about what a partner does.
+    Note(Event, ShortText),
+    /// A step of setting what is forced.
+    Force(ForceStep),
+}
+
+/// What the CPU answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// The command is under way.
+    Done,
+    /// The operating state at the cycle control point.
+    State(OperatingState),
+    /// The diagnostic entry asked for.
+    Diag(DiagEntry),
+    /// Whether a hardware interrupt was taken.
+    Interrupt(Result<(), InterruptError>),
+    /// Presence, starts and LEDs of a module.
+    Module(ModuleStatus),
+    /// The eight bytes of a DATE_AND_TIME.
+    Clock([u8; 8]),
+    /// Refused, for this reason; nothing was changed.
+    Refused(CellError),
+}
+
+/// What a link asks together; the answers come together, in this order.
+#[derive(Debug)]
+pub struct Question {
+    id: u64,
+    asks: Box<[Ask]>,
+    answers: Vec<Answer>,
+}
+
+impl Question {
+    /// These commands and questions, with the link's own number.
+    #[must_use]
+    pub fn new(id: u64, asks: Vec<Ask>) -> Self {
+        Self { id, answers: Vec::with_capacity(asks.len()), asks: asks.into() }
+    }
+
+    /// The number it was given.
+    #[must_use]
+    pub const fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// An answer for each, when it has come back.
+    #[must_use]
+    pub fn answers(&self) -> &[Answer] {
+        &self.answers
+    }
+
+    /// The next one that has no answer yet.
+    pub(crate) fn next(&self) -> Option<Ask> {
+        self.asks.get(self.answers.len()).copied()
+    }
+
+    /// Its answer, for which [`Question::new`] has made room.
+    pub(crate) fn answer(&mut self, answer: Answer) {
+        self.answers.push(answer);
+    }
+
+    /// None of it is answered.
+    pub(crate) fn begin(&mut self) {
+        self.answers.clear();
     }
 }

@@ -5,7 +5,7 @@
 
 use ob1_model::{POINT_JOBS, Piece, Point, PointItem, PointOrder};
 
-use crate::exchange::{Back, Exchange};
+use crate::exchange::{Exchange, Job};
 use crate::machine::Machine;
 use crate::{CellError, Cpu, cells};
 
@@ -155,7 +155,7 @@ impl Machine {
             if !job.order.stays
                 && let Some(job) = place.take()
             {
-                exchange.give_back(job.link, Back::Point(job));
+                exchange.give_back(job.link, Job::Point(job));
             }
         }
         points.look();

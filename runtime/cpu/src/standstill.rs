@@ -1,6 +1,5 @@
 //! A cycle that does not end, though the program is alive: its cycle monitoring is off, or is triggered again and again
-//! (SFC 43). The access port is served at safe points then, so that an operator's STOP is obeyed and questions are
-//! answered.
+//! (SFC 43). What links ask is answered at safe points then, so that an operator's STOP is obeyed.
 
 use ob1_model::Event;
 use ob1_model::moment::Moment;
@@ -13,9 +12,9 @@ use crate::interrupts::{Hardware, slot_of};
 use crate::machine::Machine;
 use crate::{Abort, Answer, Ask, CellError, Command, InterruptError, OperatingState, ShortText};
 
-/// After this time in one cycle, or one organization block between two cycles, the access port is served within it.
+/// After this time in one cycle, or one organization block between two cycles, questions are answered within it.
 const SERVED_AFTER: Span = Span::from_secs(1);
-/// Time between two looks at the port then.
+/// Time between two looks for questions then.
 const LOOK: Span = Span::from_millis(100);
 /// After this time it is an event, unless the cycle monitoring allows more.
 const TOLD_AFTER: Span = Span::from_secs(3);
@@ -23,7 +22,7 @@ const TOLD_AFTER: Span = Span::from_secs(3);
 /// How long the cycle, or the start-up, has been running.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Standstill {
-    /// When the port is served next within the cycle.
+    /// When questions are answered next within the cycle.
     pub(crate) look_at: Instant,
     began: Instant,
     state: OperatingState,
@@ -61,7 +60,7 @@ impl Context<'_> {
                 ShortText::default(),
             );
         }
-        machine.serve_port(self.blocks, state);
+        self.exchange.questions(machine, self.blocks, state);
         match machine.wanted {
             // Nothing to do for it.
             Some(Command::Run) => machine.wanted = None,
@@ -82,16 +81,11 @@ impl Context<'_> {
 }
 
 impl Machine {
-    /// Answers questions of the access port, in this operating state.
-    pub(crate) fn serve_port(&mut self, blocks: &Blocks, state: OperatingState) {
-        for _ in 0..self.config.port_items_per_scan.max(1) {
-            let Some(request) = self.port.next() else { break };
-            let answer = self.answer(blocks, state, request.ask).unwrap_or_else(Answer::Refused);
-            self.port.answer(request.id, answer);
-        }
-    }
-
-    fn answer(&mut self, blocks: &Blocks, state: OperatingState, ask: Ask) -> Result<Answer, CellError> {
+    /// What a link is answered in this operating state.
+    ///
+    /// # Errors
+    /// Why it is refused; nothing was changed.
+    pub(crate) fn answer(&mut self, blocks: &Blocks, state: OperatingState, ask: Ask) -> Result<Answer, CellError> {
         Ok(match ask {
             Ask::Command(command) => {
                 self.wanted = Some(command);

@@ -38,7 +38,7 @@ impl Start {
         }
     }
 
-    /// "Startup just completed" in OB10x_STRT_INFO: by a command over the access port.
+    /// "Startup just completed" in OB10x_STRT_INFO: by a command of a link.
     const fn completed(self) -> u8 {
         match self {
             Start::Warm | Start::Keep => 0x04,

@@ -8,7 +8,7 @@ use ob1_model::{BlockId, BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass,
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Caller, Regs, Watched};
-use crate::exchange::Back;
+use crate::exchange::Job;
 use crate::machine::Machine;
 use crate::{Cpu, CpuConfig};
 
@@ -377,7 +377,7 @@ impl Cpu {
         for (place, recent) in jobs.iter_mut().zip(recent) {
             if let Some(job) = place.take_if(|job| job.stage == Stage::Done) {
                 *recent = (Some(job.order.block), now.saturating_add(RECENT));
-                self.exchange.give_back(job.link, Back::Pass(job));
+                self.exchange.give_back(job.link, Job::Pass(job));
             }
         }
         self.arm();

@@ -5,11 +5,11 @@ mod common;
 use std::alloc::System;
 
 use common::rack::TestModule;
-use common::window::Looker;
+use common::window::{Client, Looker};
 use common::*;
 use ob1_cpu::{
-    AlarmJob, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Request,
-    Returned, system_blocks,
+    AlarmJob, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Job, Module, ModuleSlot, PassJob, Piece, PointJob, Put,
+    system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{
@@ -60,7 +60,8 @@ fn ten_thousand_cycles_allocate_nothing() {
     let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, Span::from_micros(100))], ..CpuConfig::default() };
     let cpu = Cpu::new(config, &program, system_blocks(), modules, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut client = Client::of(&mut bench.cpu);
+    client.ask(0, [Ask::State, Ask::Clock]);
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), Width::Word)];
     link.watch(&pieces).expect("little");
@@ -73,10 +74,10 @@ fn ten_thousand_cycles_allocate_nothing() {
     let quiet = (0..5).any(|_| {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {
-            client.post(Request { id, ask: Ask::State }).expect("room");
             bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
-            while client.take().is_some() {}
+            let question = client.take().expect("answered");
+            client.0.hand(Job::Question(question)).expect("room");
             while link.link.take().is_some() {}
             recorded += u64::from(rows.take(|row| row.lost == 0).unwrap_or(false));
             while rows.take_run().is_some() {}
@@ -121,9 +122,9 @@ fn a_watched_scan_allocates_nothing() {
             let mut seen = 0;
             for block in [fc(1), fc(2), ob(1), fc(9)].repeat(50) {
                 let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000, before: true };
-                link.link.pass(PassJob::new(1, order)).expect("room");
-                link.link.pass(PassJob::new(2, PassOrder { from: Some(ob(1)), ..order })).expect("room");
-                link.link.point(PointJob::new(3, table())).expect("room");
+                link.link.hand(PassJob::new(1, order)).expect("room");
+                link.link.hand(PassJob::new(2, PassOrder { from: Some(ob(1)), ..order })).expect("room");
+                link.link.hand(PointJob::new(3, table())).expect("room");
                 let region = Region::new(ALLOCATOR);
                 for _ in 0..4 {
                     bench.clock.now += 30 * MS;
@@ -134,10 +135,10 @@ fn a_watched_scan_allocates_nothing() {
                     return None;
                 }
                 while let Some(back) = link.link.take() {
-                    if let Returned::Point(job) = &back {
+                    if let Job::Point(job) = &back {
                         assert_eq!(job.outcomes().filter(Result::is_ok).count(), 2);
                     }
-                    seen += u32::from(matches!(back, Returned::Pass(job) if job.pass().end == PassEnd::Whole));
+                    seen += u32::from(matches!(back, Job::Pass(job) if job.pass().end == PassEnd::Whole));
                 }
             }
             Some(seen)
@@ -174,13 +175,13 @@ fn alarms_allocate_nothing() {
                 2 => AlarmOrder::Acknowledge(vec![AlarmAck { id: 0x11, coming: 1, going: 1 }; 3]),
                 _ => AlarmOrder::Lock { ids: vec![0x23], locked: turn % 8 == 3 },
             };
-            link.link.alarms(AlarmJob::new(turn, order).expect("few")).expect("room");
+            link.link.hand(AlarmJob::new(turn, order).expect("few")).expect("room");
             let region = Region::new(ALLOCATOR);
             bench.clock.now += 30 * MS;
             bench.cycle();
             let change = region.change();
             assert_eq!((change.allocations, change.reallocations, change.deallocations), (0, 0, 0), "{turn}");
-            assert!(matches!(link.link.take(), Some(Returned::Alarms(job)) if job.id() == turn));
+            assert!(matches!(link.link.take(), Some(Job::Alarms(job)) if job.id() == turn));
             codes[0] += u32::from(bench.mw(20) == 0x8083);
             codes[1] += u32::from(bench.mw(22) == 11);
         }

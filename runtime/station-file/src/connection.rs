@@ -2,11 +2,12 @@
 
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
 
-use serde_json::json;
+use ob1_access::settings::{ConnectionType, CpConnection};
+use ob1_s7::iso::ISO_PORT;
 
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ConnectionTable, ModuleTable, Placed};
-use super::types::{ConnectionType, LinkKind, ModuleConfig, ModuleKind, StationConnection, StationLink};
+use super::types::{LinkKind, LinkSettings, ModuleConfig, ModuleKind, StationLink};
 use super::values::{choice, number};
 
 /// The kinds of connection.
@@ -16,8 +17,6 @@ const TYPES: [(&str, ConnectionType); 4] = [
     ("iso-on-tcp", ConnectionType::Iso),
     ("s7", ConnectionType::S7),
 ];
-/// The port of ISO on TCP.
-pub const ISO_PORT: u16 = 102;
 /// Connections of a CP, at most.
 const CONNECTIONS: usize = 16;
 /// Longest TSAP, in bytes.
@@ -84,58 +83,33 @@ pub(super) fn connections(
             f.error(TWICE, table.id.span(), message, "an ID is used once in a station: give each its own");
         }
         ids.push(connection.id);
-        let is_waiting = |other: &StationConnection| {
+        let is_waiting = |other: &CpConnection| {
             !other.active
-                && other.ty == connection.ty
+                && other.kind == connection.kind
                 && other.local == connection.local
                 && other.remote == connection.remote
         };
-        if !connection.active && connection.ty.has_tsaps() && link.connections.iter().any(is_waiting) {
+        if !connection.active && connection.kind.has_tsaps() && link.connections().iter().any(is_waiting) {
             let message = "two connections wait for the same TSAPs";
             f.error(TWICE, table.id.span(), message, "give each a `local_tsap` of its own");
         }
-        link.connections.push(connection);
-        if link.connections.len() > CONNECTIONS {
+        if let LinkSettings::S7(own) = &mut link.settings {
+            own.connections.push(connection);
+        }
+        if link.connections().len() > CONNECTIONS {
             let message = format!("\"{module}\" has more than {CONNECTIONS} connections");
             f.error(VALUE, table.id.span(), message, "add another CP 343, with a link of its own");
         }
     }
-    links.iter_mut().filter(|link| link.cp.is_some()).for_each(tell);
 }
 
-/// Puts the connections into the configuration of the process.
-fn tell(link: &mut StationLink) {
-    let mut sockets = 0..;
-    let Some(ip) = link.listen.map(|listen| listen.ip()) else { return };
-    let told: Vec<serde_json::Value> = link
-        .connections
-        .iter_mut()
-        .map(|connection| {
-            connection.bind = connection.port.map(|port| SocketAddr::new(ip, port));
-            let socket = connection.bind.and_then(|_| sockets.next());
-            json!({
-                "id": connection.id,
-                "type": TYPES.iter().find(|(_, ty)| *ty == connection.ty).map_or("", |(name, _)| name),
-                "active": connection.active,
-                "partner": connection.partner.map(|partner| partner.to_string()),
-                "local": connection.local,
-                "remote": connection.remote,
-                "socket": socket,
-            })
-        })
-        .collect();
-    let mut config: serde_json::Value = serde_json::from_str(&link.config).unwrap_or_default();
-    config["connections"] = told.into();
-    link.config = config.to_string();
-}
-
-fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationConnection> {
-    let ty = choice(f, "type", Some(&table.kind), &TYPES)?;
+fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<CpConnection> {
+    let kind = choice(f, "type", Some(&table.kind), &TYPES)?;
     let id = number::<u16>(f, "id", Some(&table.id), 1..=0x0FFF, 1);
     let active = table.active.unwrap_or(false);
-    let needs_partner = active || ty == ConnectionType::Udp;
+    let needs_partner = active || kind == ConnectionType::Udp;
     let partner = match &table.partner {
-        Some(text) => Some(partner(f, text, ty, needs_partner)?),
+        Some(text) => Some(partner(f, text, kind, needs_partner)?),
         None if needs_partner => {
             let remedy = "partner = \"192.168.0.2\", with its port for tcp and udp: \"192.168.0.2:2000\"";
             f.error(MISSING, table.id.span(), format!("connection {id} has no partner"), remedy);
@@ -144,7 +118,7 @@ fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationCo
         None => None,
     };
     let tsap = |f: &mut Findings<'_>, key: &str, given: Option<&Placed<String>>, needed: bool| match given {
-        Some(text) if !ty.has_tsaps() => {
+        Some(text) if !kind.has_tsaps() => {
             f.error(CONTRADICTION, text.span(), format!("a connection of this type has no `{key}`"), "leave it out");
             None
         }
@@ -161,7 +135,7 @@ fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationCo
             }
             bytes
         }
-        None if needed && ty.has_tsaps() => {
+        None if needed && kind.has_tsaps() => {
             let message = format!("connection {id} has no `{key}`");
             f.error(MISSING, table.id.span(), message, format!("add `{key}`: \"10.01\", or as the partner has it"));
             None
@@ -170,7 +144,7 @@ fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationCo
     };
     let local = tsap(f, "local_tsap", table.local_tsap.as_ref(), true).unwrap_or_default();
     let remote = tsap(f, "remote_tsap", table.remote_tsap.as_ref(), active).unwrap_or_default();
-    let waits = ty == ConnectionType::Tcp && !active || ty == ConnectionType::Udp;
+    let waits = kind == ConnectionType::Tcp && !active || kind == ConnectionType::Udp;
     let port = match &table.local_port {
         Some(port) if waits => Some(number::<u16>(f, "local_port", Some(port), 1..=65_535, 1)),
         Some(port) => {
@@ -185,7 +159,7 @@ fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationCo
         }
         None => None,
     };
-    Some(StationConnection { id, ty, active, partner, local, remote, port, bind: None })
+    Some(CpConnection { id, kind, active, partner, local, remote, port })
 }
 
 /// An address, with a port where the type has no usual one.
@@ -231,13 +205,13 @@ mod tests {
         let parsed = parse(&text, "x.toml", Path::new("")).expect("right");
         let [link] = &parsed.links[..] else { panic!("{:?}", parsed.links) };
         assert_eq!(link.cp.as_deref(), Some("cp"));
-        let told: serde_json::Value = serde_json::from_str(&link.config).expect("JSON");
-        let wanted = json!([{ "id": 1, "type": "s7", "active": true, "partner": "10.0.0.2:102", "local": [16, 1],
-            "remote": [3, 2], "socket": null }]);
-        assert_eq!(told["connections"], wanted);
+        let partner = Some("10.0.0.2:102".parse().expect("an address"));
+        let (kind, local, remote) = (ConnectionType::S7, vec![16, 1], vec![3, 2]);
+        let wanted = CpConnection { id: 1, kind, active: true, partner, local, remote, port: None };
+        assert_eq!(link.connections(), [wanted]);
         let text = station("type = \"tcp\"\nlocal_port = 2000");
         let link = &parse(&text, "x.toml", Path::new("")).expect("right").links[0];
-        assert_eq!(link.connections[0].bind.map(|at| at.to_string()).as_deref(), Some("127.0.0.1:2000"));
+        assert_eq!(link.connections()[0].port, Some(2000));
         assert_eq!((tsap("SIMATIC"), tsap("X"), tsap("1.2")), (Some(b"SIMATIC".to_vec()), None, Some(b"1.2".to_vec())));
     }
 

@@ -98,6 +98,12 @@ impl<'a> Findings<'a> {
         self.found.push(self.source.finding(Level::Error, code, at, message.into(), remedy.into()));
     }
 
+    /// Adds what the TOML reader says of a value that has another type.
+    pub(super) fn mistyped(&mut self, at: Range<usize>, message: &str) {
+        let message = in_words(&message.replace('\n', ", "));
+        self.error(SYNTAX, at, message, "docs/station-file.md lists every key with its type");
+    }
+
     /// Adds a warning: the file can be used.
     pub fn warning(&mut self, code: &str, at: Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
         self.found.push(self.source.finding(Level::Warning, code, at, message.into(), remedy.into()));
@@ -140,9 +146,7 @@ pub fn of_toml(
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     match (message.split_whitespace().next(), quoted.as_slice()) {
         (Some("unknown"), [key, known @ ..]) if message.starts_with("unknown field") => {
-            let near = nearest(key, known.iter().copied()).map(|near| format!("did you mean `{near}`?"));
-            let remedy =
-                near.or_else(|| elsewhere(key, known)).unwrap_or_else(|| format!("known here: {}", known.join(", ")));
+            let remedy = unknown(key, known, elsewhere);
             source.finding(Level::Error, UNKNOWN_KEY, at, format!("unknown key `{key}`"), remedy)
         }
         (Some("missing"), [key]) => {
@@ -155,6 +159,12 @@ pub fn of_toml(
             source.finding(Level::Error, SYNTAX, at, in_words(&message.replace('\n', ", ")), remedy)
         }
     }
+}
+
+/// The remedy for an unknown key: the nearest of the `known` ones, else what `elsewhere` says of it.
+pub(super) fn unknown(key: &str, known: &[&str], elsewhere: impl Fn(&str, &[&str]) -> Option<String>) -> String {
+    let near = nearest(key, known.iter().copied()).map(|near| format!("did you mean `{near}`?"));
+    near.or_else(|| elsewhere(key, known)).unwrap_or_else(|| format!("known here: {}", known.join(", ")))
 }
 
 /// What the TOML reader expects, in words of a station file instead of those of the reader.

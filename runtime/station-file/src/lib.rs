@@ -22,10 +22,12 @@ pub mod findings;
 mod gpio;
 mod interrupts;
 mod keyed;
+mod keys;
 pub mod library;
 mod line;
 mod link;
 mod modules;
+mod mqtt;
 mod pattern;
 pub mod program_files;
 mod remote;
@@ -39,7 +41,6 @@ mod values;
 
 pub use check::standard;
 
-pub use connection::ISO_PORT;
 pub use duration::{parse_duration, parse_run};
 pub use engine::EngineChoice;
 pub use line::{Line, LineError};

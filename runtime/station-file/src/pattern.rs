@@ -4,31 +4,46 @@
 //! Forty racks have one file, in forty folders: a folder gives its station the name, and the name gives its links their
 //! ports and names. (docs/fleet.md)
 
+use std::ops::Range;
 use std::path::Path;
 
-use toml::Spanned;
+use toml::Value;
 
 use super::findings::VALUE;
-use super::tables::{LinkTable, Placed, StationFile};
+use super::tables::StationFile;
 use crate::finding::{Finding, Level, Text};
+
+/// The keys of a link with patterns.
+const PATTERNED: [&str; 11] = [
+    "listen",
+    "client",
+    "prefix",
+    "sparkplug",
+    "node",
+    "user",
+    "users",
+    "certificate",
+    "key",
+    "audit",
+    "password_file",
+];
 
 /// Replaces the patterns of a file in this folder.
 pub(super) fn expand(file: &mut StationFile, source: Text<'_>, folder: &Path) -> Result<(), Vec<Finding>> {
     let mut findings = Vec::new();
-    let mut put = |text: &mut Placed<String>, known: &[(&str, String)], is_address: bool| {
-        if let Err(message) = replaced(text.get_ref(), known, is_address).map(|new| {
-            if new != *text.get_ref() {
-                *text = Spanned::new(text.span(), new);
-            }
-        }) {
+    let mut put = |at: Range<usize>, text: &mut String, known: &[(&str, String)], is_address: bool| match replaced(
+        text, known, is_address,
+    ) {
+        Ok(new) => *text = new,
+        Err(message) => {
             let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
             let remedy = format!("there are {} (docs/fleet.md)", names.join(" "));
-            findings.push(source.finding(Level::Error, VALUE, text.span(), message, remedy));
+            findings.push(source.finding(Level::Error, VALUE, at, message, remedy));
         }
     };
     let folder = std::path::absolute(folder).unwrap_or_default();
     let folder = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    put(&mut file.station.name, &[("{folder}", folder)], false);
+    put(file.station.name.span(), file.station.name.get_mut(), &[("{folder}", folder)], false);
     let station = file.station.name.get_ref().clone();
     let digits = station.len() - station.trim_end_matches(|c: char| c.is_ascii_digit()).len();
     let number = station.get(station.len() - digits..).unwrap_or_default().trim_start_matches('0');
@@ -37,14 +52,12 @@ pub(super) fn expand(file: &mut StationFile, source: Text<'_>, folder: &Path) ->
     known.retain(|(_, value)| !value.is_empty());
     let pieces = ["{1}", "{2}", "{3}", "{4}", "{5}", "{6}", "{7}", "{8}", "{9}"];
     known.extend(pieces.into_iter().zip(station.split('-').map(str::to_owned)));
-    for link in &mut file.link {
-        let LinkTable { listen, client, prefix, sparkplug, node, user, .. } = link;
-        if let Some(listen) = listen {
-            put(listen, &known, true);
+    for (key, value) in file.link.iter_mut().flat_map(|link| link.get_mut()) {
+        let key = key.get_ref().as_str();
+        let at = value.span();
+        if let (true, Value::String(text)) = (PATTERNED.contains(&key), value.get_mut()) {
+            put(at, text, &known, key == "listen");
         }
-        [client, prefix, sparkplug, node, user].into_iter().flatten().for_each(|text| put(text, &known, false));
-        let LinkTable { users, certificate, key, audit, password_file, .. } = link;
-        [users, certificate, key, audit, password_file].into_iter().flatten().for_each(|path| put(path, &known, false));
     }
     if findings.is_empty() { Ok(()) } else { Err(findings) }
 }
@@ -73,8 +86,10 @@ fn replaced(text: &str, known: &[(&str, String)], is_address: bool) -> Result<St
 
 #[cfg(test)]
 mod tests {
+    use ob1_access::settings::GateKind;
+
     use super::*;
-    use crate::parse;
+    use crate::{LinkSettings, parse};
 
     fn station(name: &str, keys: &str) -> String {
         format!(
@@ -90,9 +105,10 @@ mod tests {
         ) + "[[link]]\ntype = \"metrics\"\nname = \"figures\"\nlisten = \"127.0.0.1:9400+{number}\"\n";
         let found = parse(&text, "station.toml", Path::new("/etc/ob1/hall3-press017")).expect("a station");
         assert_eq!(found.name, "hall3-press017");
-        assert!(found.links[0].config.contains(r#""sparkplug":"hall3""#), "{}", found.links[0].config);
-        assert!(found.links[0].config.contains(r#""node":"press017""#), "{}", found.links[0].config);
-        assert!(found.links[0].config.contains(r#""client":"ob1-hall3-press017""#), "{}", found.links[0].config);
+        let LinkSettings::Gate(told) = &found.links[0].settings else { panic!("{found:?}") };
+        let GateKind::Mqtt(told) = &told.own else { panic!("{told:?}") };
+        assert_eq!(told.sparkplug, Some(("hall3".into(), "press017".into())));
+        assert_eq!(told.client, "ob1-hall3-press017");
         assert_eq!(found.links[1].listen.map(|at| at.port()), Some(9417));
     }
 

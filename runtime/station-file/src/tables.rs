@@ -8,6 +8,220 @@ use toml::Spanned;
 /// A value with its place in the file.
 pub(super) type Placed<T> = Spanned<T>;
 
+/// A table of the file whose keys lie together, with the places of keys and values.
+pub(super) type Table = BTreeMap<Placed<String>, Placed<toml::Value>>;
+
+/// Makes the structs of the tables with a header, and [`KEYS`]. A key stands in front of its field if that cannot have
+/// its name.
+macro_rules! tables {
+    ($($(#[$on:meta])* struct $table:ident in $header:literal {
+        $($(#[$attribute:meta])* $($key:literal =)? $field:ident: $ty:ty,)*
+    })*) => {
+        $(#[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        $(#[$on])*
+        pub(super) struct $table { $($(#[$attribute])* $(#[serde(rename = $key)])? pub(super) $field: $ty,)* })*
+
+        /// The headers of tables, each with its keys.
+        pub(super) const KEYS: &[(&str, &[&str])] =
+            &[$(($header, &[$(tables!(key $($key)? $field)),*])),*];
+    };
+    (key $key:literal $field:ident) => { $key };
+    (key $field:ident) => { stringify!($field) };
+}
+
+tables! {
+    /// What the station records by itself.
+    struct TraceTable in "[[trace]]" {
+        name: Placed<String>,
+        #[serde(default)]
+        signals: Vec<Placed<String>>,
+        trigger: Option<Placed<String>>,
+        before: Option<Placed<String>>,
+        "for" = length: Option<Placed<String>>,
+        repeat: Option<Placed<i64>>,
+        size: Option<Placed<i64>>,
+        keep: Option<Placed<i64>>,
+    }
+
+    struct ConnectionTable in "[[connection]]" {
+        module: Placed<String>,
+        id: Placed<i64>,
+        "type" = kind: Placed<String>,
+        active: Option<bool>,
+        partner: Option<Placed<String>>,
+        local_tsap: Option<Placed<String>>,
+        remote_tsap: Option<Placed<String>>,
+        local_port: Option<Placed<i64>>,
+    }
+
+    struct SimulatedLineTable in "[[simulated_line]]" {
+        name: Placed<String>,
+        duplex: Option<Placed<String>>,
+        #[serde(default)]
+        shared: bool,
+        seed: Option<Placed<i64>>,
+        faults: Option<RatesTable>,
+        bursts: Option<Placed<RatesTable>>,
+        partner: Option<Placed<String>>,
+    }
+
+    struct StationTable in "[station]" {
+        name: Placed<String>,
+        state: Option<Placed<String>>,
+        user: Option<Placed<String>>,
+    }
+
+    #[derive(Default)]
+    #[serde(default)]
+    struct RetentiveTable in "[retentive]" {
+        memory: Vec<Placed<String>>,
+        timers: Vec<Placed<String>>,
+        counters: Vec<Placed<String>>,
+        data: Option<Vec<Placed<String>>>,
+        every: Option<Placed<String>>,
+    }
+
+    #[derive(Default)]
+    #[serde(default)]
+    struct CpuTable in "[cpu]" {
+        min_cycle: Option<Placed<String>>,
+        missed: Option<Placed<String>>,
+        watchdog: Option<Placed<String>>,
+        process_image: ProcessImageTable,
+        memory_bytes: Option<Placed<i64>>,
+        timers: Option<Placed<i64>>,
+        counters: Option<Placed<i64>>,
+        local_bytes: Option<Placed<i64>>,
+        family: Option<Placed<i64>>,
+        accumulators: Option<Placed<i64>>,
+        nesting_depth: Option<Placed<i64>>,
+        engine: Option<Placed<String>>,
+        clock_memory: Option<Placed<i64>>,
+        image_errors: Option<Placed<String>>,
+        test_load: Option<Placed<i64>>,
+        order: Option<Placed<String>>,
+        serial: Option<Placed<String>>,
+        db_pool_bytes: Option<Placed<i64>>,
+        cyclic: Vec<CyclicTable>,
+        time_of_day: Vec<TimeOfDayTable>,
+        realtime: RealtimeTable,
+    }
+
+    struct TimeOfDayTable in "[[cpu.time_of_day]]" {
+        ob: Placed<i64>,
+        start: Placed<String>,
+        every: Option<Placed<String>>,
+    }
+
+    struct CyclicTable in "[[cpu.cyclic]]" {
+        ob: Placed<i64>,
+        period: Placed<String>,
+        phase: Option<Placed<String>>,
+        missed: Option<Placed<String>>,
+    }
+
+    #[derive(Default)]
+    struct ProcessImageTable in "[cpu.process_image]" {
+        inputs: Option<Placed<i64>>,
+        outputs: Option<Placed<i64>>,
+    }
+
+    #[derive(Default)]
+    #[serde(default)]
+    struct RealtimeTable in "[cpu.realtime]" {
+        priority: Option<Placed<i64>>,
+        affinity: Vec<Placed<i64>>,
+        lock_memory: bool,
+        spin: Option<Placed<String>>,
+        keep_awake: bool,
+    }
+
+    #[derive(Default)]
+    struct TimingTable in "[timing]" {
+        late: Option<Placed<String>>,
+        long: Option<Placed<String>>,
+        recorder: Option<Placed<i64>>,
+        blocks: Option<bool>,
+    }
+
+    #[derive(Default)]
+    #[serde(default)]
+    struct ProgramTable in "[program]" {
+        sources: Vec<Placed<String>>,
+        symbols: Vec<Placed<String>>,
+        mc7: Vec<Placed<String>>,
+        mnemonics: Option<Placed<String>>,
+        libraries: Vec<Placed<String>>,
+        numbers: BTreeMap<Placed<String>, Placed<String>>,
+        alarms: Option<Placed<String>>,
+    }
+
+    struct PluginTable in "[[plugin]]" {
+        path: Placed<String>,
+        #[serde(default)]
+        blocks: BTreeMap<Placed<String>, Placed<String>>,
+    }
+
+    struct ModuleTable in "[[module]]" {
+        "type" = kind: Placed<String>,
+        name: Placed<String>,
+        address: Option<Placed<i64>>,
+        input_address: Option<Placed<i64>>,
+        output_address: Option<Placed<i64>>,
+        bytes: Option<Placed<i64>>,
+        channels: Option<Placed<i64>>,
+        params: Option<Placed<Table>>,
+        raw: Option<Placed<String>>,
+        line: Option<Placed<String>>,
+        link: Option<Placed<String>>,
+        absent: Option<Placed<String>>,
+        abd: Option<Placed<String>>,
+        interface: Option<Placed<String>>,
+        diagnostics: Option<Placed<bool>>,
+        substitute: Option<Placed<Vec<Placed<i64>>>>,
+        driver: Option<Placed<String>>,
+        bus: Option<Placed<String>>,
+        unit: Option<Placed<i64>>,
+        inputs: Option<Placed<Vec<Placed<RangeTable>>>>,
+        outputs: Option<Placed<Vec<Placed<RangeTable>>>>,
+        setup: Option<Placed<Vec<Placed<SetupTable>>>>,
+        watchdog_reset: Option<Placed<Vec<Placed<SetupTable>>>>,
+        profile: Option<Placed<String>>,
+        watchdog: Option<Placed<String>>,
+        period: Option<Placed<String>>,
+        refresh: Option<Placed<String>>,
+        lost_after: Option<Placed<String>>,
+        on_loss: Option<Placed<String>>,
+        diagnostic: Option<Placed<i64>>,
+        station: Option<Placed<i64>>,
+        gsd: Option<Placed<String>>,
+        slots: Option<Placed<Vec<Placed<SlotTable>>>>,
+    }
+
+    /// A bus with remote modules.
+    struct BusTable in "[[bus]]" {
+        name: Placed<String>,
+        "type" = kind: Placed<String>,
+        line: Option<Placed<String>>,
+        timeout: Option<Placed<String>>,
+        baud: Option<Placed<i64>>,
+        parity: Option<Placed<String>>,
+        stop_bits: Option<Placed<i64>>,
+        address: Option<Placed<i64>>,
+        hsa: Option<Placed<i64>>,
+        slot_bits: Option<Placed<i64>>,
+        retries: Option<Placed<i64>>,
+        watchdog: Option<Placed<String>>,
+        chip: Option<Placed<String>>,
+    }
+
+    #[derive(Default)]
+    struct ProcessIoTable in "[process_io]" {
+        stimulus: Option<Placed<String>>,
+    }
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StationFile {
@@ -30,100 +244,13 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) simulated_line: Vec<SimulatedLineTable>,
     #[serde(default)]
-    pub(super) link: Vec<LinkTable>,
+    pub(super) link: Vec<Placed<Table>>,
     #[serde(default)]
     pub(super) connection: Vec<ConnectionTable>,
     #[serde(default)]
     pub(super) trace: Vec<TraceTable>,
     #[serde(default)]
     pub(super) process_io: ProcessIoTable,
-}
-
-/// What the station records by itself.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TraceTable {
-    pub(super) name: Placed<String>,
-    #[serde(default)]
-    pub(super) signals: Vec<Placed<String>>,
-    pub(super) trigger: Option<Placed<String>>,
-    pub(super) before: Option<Placed<String>>,
-    #[serde(rename = "for")]
-    pub(super) length: Option<Placed<String>>,
-    pub(super) repeat: Option<Placed<i64>>,
-    pub(super) size: Option<Placed<i64>>,
-    pub(super) keep: Option<Placed<i64>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ConnectionTable {
-    pub(super) module: Placed<String>,
-    pub(super) id: Placed<i64>,
-    #[serde(rename = "type")]
-    pub(super) kind: Placed<String>,
-    pub(super) active: Option<bool>,
-    pub(super) partner: Option<Placed<String>>,
-    pub(super) local_tsap: Option<Placed<String>>,
-    pub(super) remote_tsap: Option<Placed<String>>,
-    pub(super) local_port: Option<Placed<i64>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct LinkTable {
-    #[serde(rename = "type")]
-    pub(super) kind: Placed<String>,
-    pub(super) name: Placed<String>,
-    pub(super) listen: Option<Placed<String>>,
-    pub(super) broker: Option<Placed<String>>,
-    pub(super) rights: Option<Placed<String>>,
-    pub(super) areas: Option<Placed<Vec<String>>>,
-    pub(super) blocks: Option<Placed<Vec<String>>>,
-    pub(super) program: Option<Placed<bool>>,
-    pub(super) password: Option<Placed<String>>,
-    pub(super) password_rights: Option<Placed<String>>,
-    pub(super) clients: Option<Placed<i64>>,
-    pub(super) rack: Option<Placed<i64>>,
-    pub(super) slot: Option<Placed<i64>>,
-    pub(super) pdu: Option<Placed<i64>>,
-    pub(super) idle: Option<Placed<i64>>,
-    pub(super) users: Option<Placed<String>>,
-    pub(super) certificate: Option<Placed<String>>,
-    pub(super) key: Option<Placed<String>>,
-    pub(super) audit: Option<Placed<String>>,
-    pub(super) hosts: Option<Placed<Vec<String>>>,
-    pub(super) origins: Option<Placed<Vec<String>>>,
-    pub(super) reports: Option<Placed<String>>,
-    pub(super) anonymous: Option<Placed<bool>>,
-    pub(super) trust: Option<Placed<String>>,
-    pub(super) items: Option<Placed<i64>>,
-    pub(super) client: Option<Placed<String>>,
-    pub(super) prefix: Option<Placed<String>>,
-    pub(super) publish: Option<Placed<Vec<String>>>,
-    pub(super) every: Option<Placed<String>>,
-    pub(super) retain: Option<Placed<bool>>,
-    pub(super) sparkplug: Option<Placed<String>>,
-    pub(super) node: Option<Placed<String>>,
-    pub(super) commands: Option<Placed<Vec<String>>>,
-    pub(super) alarms: Option<Placed<bool>>,
-    pub(super) store: Option<Placed<i64>>,
-    pub(super) ca: Option<Placed<String>>,
-    pub(super) user: Option<Placed<String>>,
-    pub(super) password_file: Option<Placed<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SimulatedLineTable {
-    pub(super) name: Placed<String>,
-    pub(super) duplex: Option<Placed<String>>,
-    #[serde(default)]
-    pub(super) shared: bool,
-    pub(super) seed: Option<Placed<i64>>,
-    pub(super) faults: Option<RatesTable>,
-    pub(super) bursts: Option<Placed<RatesTable>>,
-    pub(super) partner: Option<Placed<String>>,
 }
 
 /// Fault rates, and for bursts their times.
@@ -143,167 +270,6 @@ pub(super) struct RatesTable {
     pub(super) length: Option<Placed<String>>,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct StationTable {
-    pub(super) name: Placed<String>,
-    pub(super) state: Option<Placed<String>>,
-    pub(super) user: Option<Placed<String>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RetentiveTable {
-    #[serde(default)]
-    pub(super) memory: Vec<Placed<String>>,
-    #[serde(default)]
-    pub(super) timers: Vec<Placed<String>>,
-    #[serde(default)]
-    pub(super) counters: Vec<Placed<String>>,
-    pub(super) data: Option<Vec<Placed<String>>>,
-    pub(super) every: Option<Placed<String>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CpuTable {
-    pub(super) min_cycle: Option<Placed<String>>,
-    pub(super) missed: Option<Placed<String>>,
-    pub(super) watchdog: Option<Placed<String>>,
-    #[serde(default)]
-    pub(super) process_image: ProcessImageTable,
-    pub(super) memory_bytes: Option<Placed<i64>>,
-    pub(super) timers: Option<Placed<i64>>,
-    pub(super) counters: Option<Placed<i64>>,
-    pub(super) local_bytes: Option<Placed<i64>>,
-    pub(super) family: Option<Placed<i64>>,
-    pub(super) accumulators: Option<Placed<i64>>,
-    pub(super) nesting_depth: Option<Placed<i64>>,
-    pub(super) engine: Option<Placed<String>>,
-    pub(super) clock_memory: Option<Placed<i64>>,
-    pub(super) image_errors: Option<Placed<String>>,
-    pub(super) test_load: Option<Placed<i64>>,
-    pub(super) order: Option<Placed<String>>,
-    pub(super) serial: Option<Placed<String>>,
-    pub(super) db_pool_bytes: Option<Placed<i64>>,
-    #[serde(default)]
-    pub(super) cyclic: Vec<CyclicTable>,
-    #[serde(default)]
-    pub(super) time_of_day: Vec<TimeOfDayTable>,
-    #[serde(default)]
-    pub(super) realtime: RealtimeTable,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TimeOfDayTable {
-    pub(super) ob: Placed<i64>,
-    pub(super) start: Placed<String>,
-    pub(super) every: Option<Placed<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CyclicTable {
-    pub(super) ob: Placed<i64>,
-    pub(super) period: Placed<String>,
-    pub(super) phase: Option<Placed<String>>,
-    pub(super) missed: Option<Placed<String>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ProcessImageTable {
-    pub(super) inputs: Option<Placed<i64>>,
-    pub(super) outputs: Option<Placed<i64>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RealtimeTable {
-    pub(super) priority: Option<Placed<i64>>,
-    #[serde(default)]
-    pub(super) affinity: Vec<Placed<i64>>,
-    #[serde(default)]
-    pub(super) lock_memory: bool,
-    pub(super) spin: Option<Placed<String>>,
-    #[serde(default)]
-    pub(super) keep_awake: bool,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TimingTable {
-    pub(super) late: Option<Placed<String>>,
-    pub(super) long: Option<Placed<String>>,
-    pub(super) recorder: Option<Placed<i64>>,
-    pub(super) blocks: Option<bool>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ProgramTable {
-    #[serde(default)]
-    pub(super) sources: Vec<Placed<String>>,
-    #[serde(default)]
-    pub(super) symbols: Vec<Placed<String>>,
-    #[serde(default)]
-    pub(super) mc7: Vec<Placed<String>>,
-    pub(super) mnemonics: Option<Placed<String>>,
-    #[serde(default)]
-    pub(super) libraries: Vec<Placed<String>>,
-    #[serde(default)]
-    pub(super) numbers: BTreeMap<Placed<String>, Placed<String>>,
-    pub(super) alarms: Option<Placed<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PluginTable {
-    pub(super) path: Placed<String>,
-    #[serde(default)]
-    pub(super) blocks: BTreeMap<Placed<String>, Placed<String>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ModuleTable {
-    #[serde(rename = "type")]
-    pub(super) kind: Placed<String>,
-    pub(super) name: Placed<String>,
-    pub(super) address: Option<Placed<i64>>,
-    pub(super) input_address: Option<Placed<i64>>,
-    pub(super) output_address: Option<Placed<i64>>,
-    pub(super) bytes: Option<Placed<i64>>,
-    pub(super) channels: Option<Placed<i64>>,
-    pub(super) params: Option<Placed<BTreeMap<Placed<String>, Placed<toml::Value>>>>,
-    pub(super) raw: Option<Placed<String>>,
-    pub(super) line: Option<Placed<String>>,
-    pub(super) link: Option<Placed<String>>,
-    pub(super) absent: Option<Placed<String>>,
-    pub(super) abd: Option<Placed<String>>,
-    pub(super) interface: Option<Placed<String>>,
-    pub(super) diagnostics: Option<Placed<bool>>,
-    pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
-    pub(super) driver: Option<Placed<String>>,
-    pub(super) bus: Option<Placed<String>>,
-    pub(super) unit: Option<Placed<i64>>,
-    pub(super) inputs: Option<Placed<Vec<Placed<RangeTable>>>>,
-    pub(super) outputs: Option<Placed<Vec<Placed<RangeTable>>>>,
-    pub(super) setup: Option<Placed<Vec<Placed<SetupTable>>>>,
-    pub(super) watchdog_reset: Option<Placed<Vec<Placed<SetupTable>>>>,
-    pub(super) profile: Option<Placed<String>>,
-    pub(super) watchdog: Option<Placed<String>>,
-    pub(super) period: Option<Placed<String>>,
-    pub(super) refresh: Option<Placed<String>>,
-    pub(super) lost_after: Option<Placed<String>>,
-    pub(super) on_loss: Option<Placed<String>>,
-    pub(super) diagnostic: Option<Placed<i64>>,
-    pub(super) station: Option<Placed<i64>>,
-    pub(super) gsd: Option<Placed<String>>,
-    pub(super) slots: Option<Placed<Vec<Placed<SlotTable>>>>,
-}
-
 /// A module in a slot of a DP slave.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -312,29 +278,9 @@ pub(super) struct SlotTable {
     pub(super) module: Placed<String>,
     pub(super) inputs: Option<Placed<String>>,
     pub(super) outputs: Option<Placed<String>>,
-    pub(super) params: Option<Placed<BTreeMap<Placed<String>, Placed<toml::Value>>>>,
+    pub(super) params: Option<Placed<Table>>,
     pub(super) raw: Option<Placed<String>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
-}
-
-/// A bus with remote modules.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct BusTable {
-    pub(super) name: Placed<String>,
-    #[serde(rename = "type")]
-    pub(super) kind: Placed<String>,
-    pub(super) line: Option<Placed<String>>,
-    pub(super) timeout: Option<Placed<String>>,
-    pub(super) baud: Option<Placed<i64>>,
-    pub(super) parity: Option<Placed<String>>,
-    pub(super) stop_bits: Option<Placed<i64>>,
-    pub(super) address: Option<Placed<i64>>,
-    pub(super) hsa: Option<Placed<i64>>,
-    pub(super) slot_bits: Option<Placed<i64>>,
-    pub(super) retries: Option<Placed<i64>>,
-    pub(super) watchdog: Option<Placed<String>>,
-    pub(super) chip: Option<Placed<String>>,
 }
 
 /// Registers or bits of a coupler, and where they lie.
@@ -361,10 +307,4 @@ pub(super) struct RangeTable {
 pub(super) struct SetupTable {
     pub(super) to: Placed<String>,
     pub(super) value: Placed<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ProcessIoTable {
-    pub(super) stimulus: Option<Placed<String>>,
 }

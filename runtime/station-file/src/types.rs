@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ob1_access::alarms::AlarmTexts;
+use ob1_access::settings::{CpConnection, GateSettings, S7Settings};
 use ob1_coupler::BusConfig;
 use ob1_cpu::CpuConfig;
 use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
@@ -123,58 +124,46 @@ pub struct StationLink {
     pub password: Option<String>,
     /// The rights with this password.
     pub password_rights: ob1_access::Right,
-    /// The keys its process reads itself, as JSON.
-    pub config: String,
+    /// What its process is told.
+    pub settings: LinkSettings,
     /// Files that nobody but the user of the station may read.
     pub secrets: Vec<PathBuf>,
     /// Where the runtime records what partners do, for a link whose process cannot.
     pub audit: Option<PathBuf>,
     /// Its process is this CP 343 too.
     pub cp: Option<String>,
-    /// The connections of that CP.
-    pub connections: Vec<StationConnection>,
 }
 
-/// The kinds of connection of a CP 343.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ConnectionType {
-    /// Plain TCP: a stream without telegrams.
-    Tcp,
-    /// UDP: telegrams without acknowledgement.
-    Udp,
-    /// ISO on TCP: telegrams of any length.
-    Iso,
-    /// S7 connection, for the FB/SFB of S7 communication.
-    S7,
+/// What the process of a link is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LinkSettings {
+    /// `ob1-s7`, for one link.
+    S7(S7Settings),
+    /// `ob1-gate`, for each of its links.
+    Gate(Box<GateSettings>),
 }
 
-impl ConnectionType {
-    /// Connections of this kind are named by TSAPs, the others by ports.
+impl LinkSettings {
+    /// As its process reads it from the first message of the broker.
     #[must_use]
-    pub const fn has_tsaps(self) -> bool {
-        matches!(self, Self::Iso | Self::S7)
+    pub fn json(&self) -> String {
+        let json = match self {
+            Self::S7(own) => serde_json::to_string(own),
+            Self::Gate(own) => serde_json::to_string(own),
+        };
+        json.unwrap_or_default()
     }
 }
 
-/// A connection of a CP 343.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StationConnection {
-    /// ID of the handling blocks, one in the station.
-    pub id: u16,
-    /// Its kind, which decides between TSAPs and ports.
-    pub ty: ConnectionType,
-    /// We make the connection.
-    pub active: bool,
-    /// The partner, and the only one who may call.
-    pub partner: Option<std::net::SocketAddr>,
-    /// Our TSAP; empty without one.
-    pub local: Vec<u8>,
-    /// The partner's TSAP; empty without one.
-    pub remote: Vec<u8>,
-    /// Our port, for UDP and for TCP that waits for its partner; otherwise `None`.
-    pub port: Option<u16>,
-    /// What is bound for it: the address of the link, and that port.
-    pub bind: Option<std::net::SocketAddr>,
+impl StationLink {
+    /// The connections of the CP 343 that its process is.
+    #[must_use]
+    pub fn connections(&self) -> &[CpConnection] {
+        match &self.settings {
+            LinkSettings::S7(own) => &own.connections,
+            LinkSettings::Gate(_) => &[],
+        }
+    }
 }
 
 /// A bus with remote modules: a process, and the lines it owns.

@@ -4,7 +4,7 @@
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
-use ob1_cpu::{Command, Cpu, CpuConfig, Link, Mark, OperatingState, PassJob, Returned, Window};
+use ob1_cpu::{Command, Cpu, CpuConfig, Job, Link, Mark, OperatingState, PassJob, Window};
 use ob1_model::{BlockId, PASS_JOBS, PassEnd, PassOrder};
 use ob1_native::{AtLoad, Tier};
 use ob1_rt::MonotonicClock;
@@ -60,7 +60,7 @@ impl Bench {
         let began = self.clock.time();
         while self.clock.time().since(began) < ROUND {
             while let Some(returned) = self.link.take() {
-                if let Returned::Pass(job) = returned {
+                if let Job::Pass(job) = returned {
                     self.under_way -= 1;
                     passes += usize::from(job.pass().end == PassEnd::Whole);
                 }
@@ -70,7 +70,7 @@ impl Bench {
                 let wait = Span::from_secs(1).nanos();
                 let order =
                     PassOrder { block: self.block, from: None, db: 0, first: 0, count: LINES, wait, before: false };
-                self.link.pass(PassJob::new(1, order)).map_err(|why| format!("{why:?}"))?;
+                self.link.hand(PassJob::new(1, order)).map_err(|why| format!("{why:?}"))?;
                 self.under_way += 1;
             }
             let from = Instant::now();

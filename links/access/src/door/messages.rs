@@ -330,7 +330,7 @@ pub enum What {
 }
 
 /// The first message to a link.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Welcome {
     /// Version of the messages, [`VERSION`]; another one ends the link.
     pub version: u16,
@@ -340,7 +340,7 @@ pub struct Welcome {
     pub link: String,
     /// Family of the CPU: 300 or 400.
     pub family: u16,
-    /// The keys of the `[[link]]` table as JSON, without passwords.
+    /// What its process is told ([`settings`](crate::settings)), as JSON, without passwords.
     pub config: String,
     /// What its clients may do.
     pub rights: Right,

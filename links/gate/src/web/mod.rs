@@ -20,6 +20,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 
 use hyper::{Method, StatusCode};
+use ob1_access::settings::WebSettings;
 use ob1_access::{Allowed, Right};
 use ob1_gate_core::{Client, Link, Station, Users, Who};
 
@@ -51,26 +52,23 @@ pub(super) struct Page {
 }
 
 /// Serves a link of type `web`.
-pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
+pub(crate) async fn serve(mut link: Link, own: WebSettings) -> Result<(), String> {
     let station = link.station.clone();
-    let texts =
-        |key: &str| serde_json::from_value::<Option<Vec<String>>>(station.keys()[key].clone()).unwrap_or_default();
-    let allowed = Allowed::of(texts("areas").as_deref(), texts("blocks").as_deref())?;
     let who = Who { user: "-".into(), address: "-".into(), right: Right::Read };
     let page = Page {
-        allowed: allowed.with_program(station.keys()["program"].as_bool()),
+        allowed: own.allowed,
         everybody: station.client(who),
         users: link.users.take(),
         sessions: Sessions::of(&station.welcome().station, &station.welcome().link),
-        reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
-        taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
+        reports: own.reports,
+        taps: own.taps,
         tables: tables::Tables(link.state.take().map(|folder| folder.join("tables.json"))),
         streams: stream::Streams::default(),
         insight: insight::Newest::default(),
         flows: flow::Flows::default(),
         station,
     };
-    http::serve(link, Rc::new(page)).await
+    http::serve(link, own.http, Rc::new(page)).await
 }
 
 impl Site for Page {

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_cpu::{CellError, Cpu, Frame, Group, Link, Listing, Mark, OperatingState, Piece, Returned, Window};
+use ob1_cpu::{
+    Answer, Ask, CellError, Cpu, Frame, Group, Job, Link, Listing, Mark, OperatingState, Piece, Question, Window,
+};
 use ob1_model::FRAME_WORDS;
 use ob1_time::Instant;
 
@@ -61,7 +63,7 @@ impl Looker {
     /// The next group that has come back.
     pub fn answer(&mut self) -> Option<Box<Group>> {
         loop {
-            if let Returned::Group(group) = self.link.take()? {
+            if let Job::Group(group) = self.link.take()? {
                 return Some(group);
             }
         }
@@ -70,9 +72,36 @@ impl Looker {
     /// The next list.
     pub fn listing(&mut self) -> Option<Box<Listing>> {
         loop {
-            if let Returned::List(listing) = self.link.take()? {
+            if let Job::List(listing) = self.link.take()? {
                 return Some(listing);
             }
         }
+    }
+}
+
+/// A link that asks.
+pub struct Client(pub Link);
+
+impl Client {
+    pub fn of(cpu: &mut Cpu) -> Self {
+        Self(Looker::of(cpu).expect("a link").link)
+    }
+
+    pub fn ask(&mut self, id: u64, asks: impl Into<Vec<Ask>>) {
+        self.0.hand(Question::new(id, asks.into())).expect("room");
+    }
+
+    /// The next question that has come back.
+    pub fn take(&mut self) -> Option<Box<Question>> {
+        loop {
+            if let Job::Question(question) = self.0.take()? {
+                return Some(question);
+            }
+        }
+    }
+
+    /// The first answer to it.
+    pub fn answer(&mut self) -> Option<Answer> {
+        self.take().map(|question| question.answers()[0])
     }
 }

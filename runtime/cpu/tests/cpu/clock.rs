@@ -1,7 +1,7 @@
 //! The clock is set while time-of-day interrupts are active: forward past their time, back before it.
 //! ["Characteristics of SFCs 28 to 31", "Time Error Organization Block (OB80)" of the system software reference]
 
-use ob1_cpu::{Ask, Cpu, CpuConfig, Family, OperatingState, Request, TimeOfDay, Width, system_blocks};
+use ob1_cpu::{Ask, Cpu, CpuConfig, Family, OperatingState, TimeOfDay, Width, system_blocks};
 use ob1_ir::{AccuOp, Arg, CodeBlock, NumberFormat, Op};
 use ob1_model::moment::Moment;
 use ob1_model::{BlockId, BlockKind, Interface};
@@ -9,6 +9,7 @@ use ob1_std::services::Period;
 use ob1_time::Span;
 
 use crate::common;
+use crate::common::window::Client;
 use crate::common::*;
 
 /// So many minutes after the beginning of 1990.
@@ -36,8 +37,8 @@ fn bench(family: Family, period: Period, more: Vec<CodeBlock>) -> Bench {
 }
 
 /// Sets the clock by the access port; the next cycle does it.
-fn set(client: &mut ob1_cpu::AccessClient, to: Moment) {
-    client.post(Request { id: 1, ask: Ask::SetClock(to.to_bytes()) }).expect("room");
+fn set(client: &mut Client, to: Moment) {
+    client.ask(1, [Ask::SetClock(to.to_bytes())]);
 }
 
 #[test]
@@ -45,7 +46,7 @@ fn a_time_that_was_skipped_calls_ob_80_and_then_its_ob_once() {
     on_each_engine(|| {
         for period in [Period::Once, Period::EveryMinute] {
             let mut bench = bench(Family::S7_300, period, vec![note(80, 2, 40)]);
-            let mut client = bench.cpu.access_client().expect("the first");
+            let mut client = Client::of(&mut bench.cpu);
             bench.run();
             set(&mut client, minute(9));
             bench.run();
@@ -67,7 +68,7 @@ fn a_time_that_was_skipped_calls_ob_80_and_then_its_ob_once() {
 fn without_ob_80_a_clock_that_skips_is_stop() {
     on_each_engine(|| {
         let mut bench = bench(Family::S7_300, Period::Once, vec![]);
-        let mut client = bench.cpu.access_client().expect("the first");
+        let mut client = Client::of(&mut bench.cpu);
         bench.run();
         // Up to its time nothing is skipped; at its very time it runs.
         set(&mut client, minute(1));
@@ -77,7 +78,7 @@ fn without_ob_80_a_clock_that_skips_is_stop() {
         bench.run();
         assert_eq!(bench.mw(0), 1);
         let mut bench = self::bench(Family::S7_300, Period::Once, vec![]);
-        let mut client = bench.cpu.access_client().expect("the first");
+        let mut client = Client::of(&mut bench.cpu);
         bench.run();
         set(&mut client, minute(3));
         assert_eq!(bench.cycle().state, OperatingState::Stop);
@@ -92,7 +93,7 @@ fn ob_80_cancels_what_was_skipped() {
         let cancel = call(sfc, vec![Arg::Const(10), Arg::Operand(mw(200))]);
         let handler = block(ob(80), Interface::default(), vec![cancel]);
         let mut bench = bench(Family::S7_300, Period::EveryMinute, vec![handler]);
-        let mut client = bench.cpu.access_client().expect("the first");
+        let mut client = Client::of(&mut bench.cpu);
         bench.run();
         set(&mut client, minute(9));
         bench.run();
@@ -108,7 +109,7 @@ fn a_clock_that_was_set_back_repeats_the_ob_on_an_s7_300_only() {
     on_each_engine(|| {
         for (family, runs) in [(Family::S7_300, 4), (Family::S7_400, 3)] {
             let mut bench = bench(family, Period::EveryMinute, vec![]);
-            let mut client = bench.cpu.access_client().expect("the first");
+            let mut client = Client::of(&mut bench.cpu);
             bench.run();
             for minutes in [2, 3] {
                 bench.clock.now = at(Span::from_secs(60 * minutes));

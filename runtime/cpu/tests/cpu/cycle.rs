@@ -1,12 +1,13 @@
 //! Cycle control: start-up, states, deadlines, watchdog.
 
-use ob1_cpu::{AccessClient, Answer, Ask, Clock as _, Command, Cpu, CpuConfig, OperatingState, Request};
+use ob1_cpu::{Answer, Ask, Clock as _, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::{AccuOp, Jump, NumberFormat, Op};
 use ob1_model::Interface;
 use ob1_time::{Instant, Span};
 
 use crate::common;
 use crate::common::source::bench_with;
+use crate::common::window::Client;
 use crate::common::*;
 
 fn count(byte: u32) -> Vec<Op> {
@@ -138,7 +139,7 @@ fn an_endless_loop_with_sfc_43_is_stopped_through_the_port() {
     on_each_engine(|| {
         struct Asking {
             now: Instant,
-            client: AccessClient,
+            client: Client,
             asks: Vec<(u64, Ask)>,
             answers: Vec<Answer>,
         }
@@ -151,10 +152,10 @@ fn an_endless_loop_with_sfc_43_is_stopped_through_the_port() {
                 while let Some((at, ask)) =
                     self.asks.first().copied().filter(|(at, _)| self.now >= Instant::from_micros(at * 1000))
                 {
-                    self.client.post(Request { id: at as u32, ask }).expect("room");
+                    self.client.ask(at, [ask]);
                     self.asks.remove(0);
                 }
-                self.answers.extend(std::iter::from_fn(|| self.client.take()).map(|response| response.answer));
+                self.answers.extend(std::iter::from_fn(|| self.client.answer()));
             }
         }
         for (ob, state) in [(1, OperatingState::Run), (100, OperatingState::Startup)] {
@@ -163,7 +164,7 @@ fn an_endless_loop_with_sfc_43_is_stopped_through_the_port() {
                  ORGANIZATION_BLOCK OB 35\nBEGIN\nL MW 20;\n+ 1;\nT MW 20;\nEND_ORGANIZATION_BLOCK\n"
             );
             let mut bench = bench_with(&source, &[], CpuConfig::default(), vec![]);
-            let client = bench.cpu.access_client().expect("there is one");
+            let client = Client::of(&mut bench.cpu);
             let asks = vec![(1500, Ask::State), (4000, Ask::Diag(0)), (5000, Ask::Command(Command::Stop))];
             let mut clock = Asking { now: Instant::START, client, asks, answers: Vec::new() };
             bench.cpu.request(Command::Run);

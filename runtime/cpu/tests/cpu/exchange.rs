@@ -74,7 +74,7 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         Put::Value(Cell::Area(Area::Memory, 24 * 8 + 3), Width::Bit, 1),
     ];
     bench.set(24, Width::Byte, 0x80);
-    link.link.write(group(5, &puts)).expect("room");
+    link.link.hand(group(5, &puts)).expect("room");
     bench.cycle();
     let answer = link.answer().expect("landed");
     assert_eq!((answer.id(), answer.outcome()), (5, Ok(())));
@@ -98,7 +98,7 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         (Put::Bytes(Cell::Counter(1), Box::from([1])), CellError::Outside),
         (Put::Value(Cell::Peripheral(0), Width::Byte, 1), CellError::NoModule),
     ] {
-        link.link.write(group(6, &[Put::Value(memory(20), Width::Word, 0xFFFF), wrong.clone()])).expect("room");
+        link.link.hand(group(6, &[Put::Value(memory(20), Width::Word, 0xFFFF), wrong.clone()])).expect("room");
         bench.cycle();
         assert_eq!(link.answer().expect("an answer").outcome(), Err((1, error)), "{wrong:?}");
         assert_eq!(bench.mw(20), 0x1234, "{wrong:?}: nothing was written");
@@ -119,7 +119,7 @@ fn a_module_that_does_not_answer_leaves_memory_as_it_was() {
     let puts = [Put::Value(memory(20), Width::Word, 7), Put::Value(Cell::Peripheral(256 * 8), Width::Byte, 9)];
     for (absent, outcome, word) in [(true, Err((1, CellError::NoModule)), 0), (false, Ok(()), 7)] {
         module.look(|seen| seen.absent = absent);
-        link.link.write(group(1, &puts)).expect("room");
+        link.link.hand(group(1, &puts)).expect("room");
         bench.cycle();
         assert_eq!((link.answer().expect("an answer").outcome(), bench.mw(20)), (outcome, word));
     }
@@ -146,7 +146,7 @@ fn outputs_writes_snapshot_inputs() {
     assert_eq!(module.look(|seen| seen.outputs[0]), 1, "and the program of the same cycle sees them");
     module.look(|seen| seen.inputs[0] = 2);
     let puts = [Put::Value(input, Width::Byte, 8), Put::Value(output, Width::Byte, 9)];
-    link.link.write(group(1, &puts)).expect("room");
+    link.link.hand(group(1, &puts)).expect("room");
     bench.cycle();
     assert_eq!((link.piece(0), link.piece(1)), (Ok(vec![8]), Ok(vec![9])), "the writes are in it");
     assert_eq!(bench.cpu.read(input, Width::Byte), Ok(2), "the module's input has been read since");
@@ -163,7 +163,7 @@ fn timers_and_counters_are_written() {
     link.watch(&values).expect("little");
     // 25 s in steps of 100 ms; it stands.
     let puts = [(Cell::Timer(1), 0x1250), (Cell::Counter(1), 999)].map(|(cell, v)| Put::Value(cell, Width::Word, v));
-    link.link.write(group(1, &puts)).expect("room");
+    link.link.hand(group(1, &puts)).expect("room");
     for _ in 0..3 {
         bench.cycle();
     }
@@ -178,7 +178,7 @@ fn in_stop_too() {
     bench.cpu.request(Command::Stop);
     bench.cycle();
     link.watch(&[bytes(memory(20), 2)]).expect("little");
-    link.link.write(group(1, &[Put::Value(memory(20), Width::Word, 7)])).expect("room");
+    link.link.hand(group(1, &[Put::Value(memory(20), Width::Word, 7)])).expect("room");
     assert_eq!(bench.cycle().state, OperatingState::Stop);
     assert_eq!(link.answer().map(|answer| answer.outcome()), Some(Ok(())));
     assert_eq!((link.word(0), link.mark().map(|mark| mark.state)), (7, Some(OperatingState::Stop)));
@@ -194,7 +194,7 @@ fn links_take_turns_within_the_bytes_of_a_scan() {
     for (number, link) in links.iter_mut().enumerate() {
         for id in 0..4 {
             let puts: Vec<Put> = (0..3).map(|_| half(number as u8)).collect();
-            link.link.write(group(id, &puts)).expect("room");
+            link.link.hand(group(id, &puts)).expect("room");
         }
     }
     let mut landed = vec![0; LINKS];
@@ -225,7 +225,7 @@ fn a_reader_that_sleeps_changes_nothing() {
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[bytes(memory(0), 2)]).expect("little");
     for id in 0..20 {
-        link.link.write(group(id, &[Put::Value(memory(20), Width::Word, id as u32)])).expect("room");
+        link.link.hand(group(id, &[Put::Value(memory(20), Width::Word, id as u32)])).expect("room");
     }
     let before = bench.mw(0);
     for _ in 0..100 {
@@ -295,7 +295,7 @@ fn lists() {
     let mut bench = bench();
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let mut list = |bench: &mut Bench, list, index| {
-        link.link.list(Listing::new(7, list, index)).expect("room");
+        link.link.hand(Listing::new(7, list, index)).expect("room");
         bench.cycle();
         let listing = link.listing().expect("it comes back");
         assert!(listing.id() == 7 && listing.is_whole());

@@ -3,11 +3,10 @@
 use super::common::rack::TestModule;
 use super::common::random::Random;
 use super::common::source::bench_with;
-use super::common::window::Looker;
+use super::common::window::{Client, Looker};
 use super::common::*;
 use ob1_cpu::{
-    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Module, ModuleSlot, Put, Request,
-    Returned,
+    Ask, Cell, CpuConfig, CyclicInterrupt, DebugJob, Family, ForceStep, Group, Job, Module, ModuleSlot, Put,
 };
 use ob1_model::{Area, CellError, Command, DebugEnd, DebugOrder, Forced, ForcedArea, Width};
 
@@ -59,13 +58,12 @@ fn check(cell: &Forced, label: u32) -> String {
 }
 
 /// Sets what is forced, as a station does it for its operator.
-fn force(bench: &mut Bench, client: &mut ob1_cpu::AccessClient, cells: &[Forced]) -> Vec<ob1_cpu::Answer> {
+fn force(bench: &mut Bench, client: &mut Client, cells: &[Forced]) -> Vec<ob1_cpu::Answer> {
     let adds = cells.iter().map(|cell| ForceStep::Add(*cell));
-    for step in [ForceStep::New].into_iter().chain(adds).chain([ForceStep::Take]) {
-        client.post(Request { id: 1, ask: Ask::Force(step) }).expect("room");
-    }
+    let steps = [ForceStep::New].into_iter().chain(adds).chain([ForceStep::Take]);
+    client.ask(1, steps.map(Ask::Force).collect::<Vec<_>>());
     bench.cycle();
-    std::iter::from_fn(|| client.take().map(|response| response.answer)).collect()
+    client.take().expect("answered").answers().to_vec()
 }
 
 fn cell(text: &str) -> Forced {
@@ -128,7 +126,7 @@ fn all_ways(seed: u64, family: Family) {
     ];
     let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, MS)], min_cycle: 2 * MS, ..CpuConfig::of(family) };
     let mut bench = bench_with(&source, &[], config, modules);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut client = Client::of(&mut bench.cpu);
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     bench.run();
     assert!(force(&mut bench, &mut client, &cells).iter().all(|answer| *answer == ob1_cpu::Answer::Done));
@@ -142,7 +140,7 @@ fn all_ways(seed: u64, family: Family) {
             Put::Bytes(Cell::Area(area, 0), vec![random.next(256) as u8; 8].into()),
             Put::Value(Cell::Peripheral(258 * 8), Width::Byte, random.next(256)),
         ];
-        link.link.write(Group::new(round, puts).expect("small")).expect("room");
+        link.link.hand(Group::new(round, puts).expect("small")).expect("room");
         // The interrupt between two cycles, and a cycle.
         for _ in 0..2 {
             bench.clock.now += MS;
@@ -174,7 +172,7 @@ fn it_ends_with_an_empty_list_or_a_memory_reset_and_outlasts_a_restart() {
     let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 0), Box::new(TestModule::new(8)))];
     let source = "ORGANIZATION_BLOCK OB 1\nBEGIN\nL EB 0;\nT MB 0;\nEND_ORGANIZATION_BLOCK\n";
     let mut bench = bench_with(source, &[], CpuConfig::default(), modules);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut client = Client::of(&mut bench.cpu);
     let count = bench.cpu.forced();
     let count = || count.load(std::sync::atomic::Ordering::Relaxed);
     bench.run();
@@ -217,16 +215,16 @@ fn it_ends_with_an_empty_list_or_a_memory_reset_and_outlasts_a_restart() {
 /// In STOP: a peripheral output is written, and what becomes of it.
 fn write_output(bench: &mut Bench, link: &mut Looker) -> Result<(), CellError> {
     let put = Put::Value(Cell::Peripheral(3 * 8), Width::Byte, 0x7E);
-    link.link.write(Group::new(1, vec![put]).expect("small")).expect("room");
+    link.link.hand(Group::new(1, vec![put]).expect("small")).expect("room");
     bench.cycle();
-    let Some(Returned::Group(group)) = link.link.take() else { panic!("the group") };
+    let Some(Job::Group(group)) = link.link.take() else { panic!("the group") };
     group.outcome().map_err(|(_, why)| why)
 }
 
 fn debug(bench: &mut Bench, link: &mut Looker, order: DebugOrder) -> DebugEnd {
-    link.link.debug(DebugJob::new(2, order)).expect("room");
+    link.link.hand(DebugJob::new(2, order)).expect("room");
     bench.cycle();
-    let Some(Returned::Debug(job)) = link.link.take() else { panic!("an answer") };
+    let Some(Job::Debug(job)) = link.link.take() else { panic!("an answer") };
     job.into_answer().end
 }
 
@@ -237,7 +235,7 @@ fn in_stop_it_works_and_outputs_are_written_only_while_they_are_enabled() {
         let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 0), Box::new(io.clone()))];
         let source = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n";
         let mut bench = bench_with(source, &[], CpuConfig::of(family), modules);
-        let mut client = bench.cpu.access_client().expect("the first");
+        let mut client = Client::of(&mut bench.cpu);
         let mut link = Looker::of(&mut bench.cpu).expect("the first");
         let outputs = |at: usize| io.look(|seen| seen.outputs[at]);
         let disabled = || io.look(|seen| std::mem::take(&mut seen.disabled));

@@ -1,8 +1,7 @@
 //! HOLD: breakpoints and single step, on every engine.
 
 use ob1_cpu::{
-    AccessClient, Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Module, ModuleSlot,
-    OperatingState, Request, Returned,
+    Answer, Ask, Clock, Command, CpuConfig, CyclicInterrupt, DebugJob, Job, Module, ModuleSlot, OperatingState,
 };
 use ob1_model::moment::Moment;
 use ob1_model::{Breakpoint, DebugAnswer, DebugEnd, DebugOrder, Event, Held, Resume};
@@ -10,7 +9,7 @@ use ob1_time::{Instant, Span};
 
 use crate::common::rack::TestModule;
 use crate::common::random::Random;
-use crate::common::window::Looker;
+use crate::common::window::{Client, Looker};
 use crate::common::{self, Bench, MS, fb, fc, ob, on_each_engine};
 
 const SECOND: u64 = Span::from_secs(1).nanos();
@@ -34,14 +33,14 @@ const PER_STATEMENT: Span = Span::from_nanos(100);
 
 impl Device<'_> {
     fn serve(&mut self) {
-        while let Some(Returned::Debug(job)) = self.looker.link.take() {
+        while let Some(Job::Debug(job)) = self.looker.link.take() {
             let answer = job.into_answer();
             // What was asked before the hold has its answers first.
             let goes_on = answer.end == DebugEnd::Held || self.begun && answer.end == DebugEnd::Done;
             self.begun |= goes_on;
             self.seen.push(answer);
             if goes_on && !self.script.is_empty() {
-                self.looker.link.debug(DebugJob::new(9, self.script.remove(0))).expect("room");
+                self.looker.link.hand(DebugJob::new(9, self.script.remove(0))).expect("room");
             }
         }
     }
@@ -73,7 +72,7 @@ impl Clock for Device<'_> {
 
 struct Session {
     bench: Bench,
-    client: AccessClient,
+    client: Client,
     looker: Looker,
     seen: Vec<DebugAnswer>,
     ticks: u32,
@@ -88,12 +87,12 @@ impl Session {
     fn with(mut bench: Bench) -> Self {
         let looker = Looker::of(&mut bench.cpu).expect("the first");
         bench.run();
-        let client = bench.cpu.access_client().expect("the first");
+        let client = Client::of(&mut bench.cpu);
         Self { bench, client, looker, seen: Vec::new(), ticks: 0, module: None }
     }
 
     fn ask(&mut self, order: DebugOrder) {
-        self.looker.link.debug(DebugJob::new(1, order)).expect("room");
+        self.looker.link.hand(DebugJob::new(1, order)).expect("room");
     }
 
     /// A cycle; at each hold the next order of the script is asked.
@@ -133,9 +132,9 @@ impl Session {
 
     /// What the CPU's calendar shows.
     fn date(&mut self) -> Moment {
-        self.client.post(Request { id: 1, ask: Ask::Clock }).expect("room");
+        self.client.ask(1, [Ask::Clock]);
         self.cycle(vec![]);
-        match self.client.take().expect("answered").answer {
+        match self.client.answer().expect("answered") {
             Answer::Clock(bytes) => Moment::from_bytes(bytes).expect("a date"),
             other => panic!("{other:?}"),
         }

@@ -2,7 +2,7 @@
 
 use ob1_cpu::{
     Answer, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, InterruptError, Missed, Module, ModuleEvent, ModuleSlot,
-    OperatingState, Request,
+    OperatingState,
 };
 use ob1_ir::{AccuOp, CodeBlock, NumberFormat, Op, Width};
 use ob1_model::{Event, Interface};
@@ -10,6 +10,7 @@ use ob1_time::Span;
 
 use crate::common;
 use crate::common::rack::TestModule;
+use crate::common::window::Client;
 use crate::common::*;
 
 fn count(byte: u32) -> Vec<Op> {
@@ -227,11 +228,11 @@ fn hardware_interrupts_by_call_and_port() {
         assert!(!bench.cycle().whole, "the cycle is not due yet");
         assert_eq!((bench.mw(0), bench.mw(2)), (1, 1));
         assert_eq!((bench.md(20), bench.md(24), bench.md(28)), (0x1141_1028, 0x0054_0100, 0x8000_0001));
-        let mut client = bench.cpu.access_client().expect("the first");
+        let mut client = Client::of(&mut bench.cpu);
         let ask = Ask::HardwareInterrupt { ob: 40, address: 0, point: 5 };
-        client.post(Request { id: 1, ask }).expect("room");
+        client.ask(1, [ask]);
         bench.cycle();
-        assert_eq!(client.take().map(|r| r.answer), Some(Answer::Interrupt(Ok(()))));
+        assert_eq!(client.answer(), Some(Answer::Interrupt(Ok(()))));
         let figures = bench.ob_figures(40);
         assert_eq!((figures.priority, figures.runs), (16, 2));
         assert_eq!((bench.mw(2), bench.md(28)), (2, 5));

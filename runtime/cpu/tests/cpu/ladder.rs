@@ -7,7 +7,7 @@ mod trees;
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{PassJob, Returned, Width};
+use ob1_cpu::{Job, PassJob, Width};
 use ob1_ir::{BitTest, CodeBlock, Op, Place, Stmt};
 use ob1_ladder::flow::{State, flow};
 use ob1_ladder::tree::{Body, End, Eno, Kind, Node, Rung, Tree};
@@ -240,11 +240,11 @@ fn pass(bench: &mut Bench) -> Pass {
     bench.run();
     let wait = Span::from_secs(2).nanos();
     let order = PassOrder { block: fc(1), from: None, db: 0, first: 0, count: 512, wait, before: false };
-    looker.link.pass(PassJob::new(1, order)).expect("room");
+    looker.link.hand(PassJob::new(1, order)).expect("room");
     for _ in 0..30 {
         bench.clock.now += 100 * MS;
         bench.cycle();
-        if let Some(Returned::Pass(job)) = looker.link.take() {
+        if let Some(Job::Pass(job)) = looker.link.take() {
             return job.into_pass();
         }
     }

@@ -3,7 +3,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-mod access_port;
 mod accounts;
 mod addressing;
 mod both;
@@ -27,6 +26,7 @@ mod passes;
 mod pointers;
 mod points;
 mod programs;
+mod questions;
 mod raw_lists;
 mod recording;
 mod retentive;

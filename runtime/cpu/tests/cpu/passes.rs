@@ -1,6 +1,6 @@
 //! Program status: what is seen of one pass through a block, on every engine.
 
-use ob1_cpu::{Command, PassJob, Returned, Width};
+use ob1_cpu::{Command, Job, PassJob, Width};
 use ob1_model::{BlockId, PASS_JOBS, Pass, PassEnd, PassLine, PassOrder};
 use ob1_time::Span;
 
@@ -21,11 +21,11 @@ fn order(block: BlockId) -> PassOrder {
 
 /// Runs cycles until the job comes back.
 fn pass(bench: &mut Bench, looker: &mut Looker, order: PassOrder) -> Pass {
-    looker.link.pass(PassJob::new(1, order)).expect("room");
+    looker.link.hand(PassJob::new(1, order)).expect("room");
     bench.clock.now += 100 * MS;
     for _ in 0..30 {
         bench.cycle();
-        if let Some(Returned::Pass(job)) = looker.link.take() {
+        if let Some(Job::Pass(job)) = looker.link.take() {
             return job.into_pass();
         }
         bench.clock.now += 100 * MS;
@@ -157,14 +157,14 @@ fn what_cannot_be_watched_is_told() {
         assert_eq!(pass(bench, looker, order(fc(9))).end, PassEnd::NotCalled);
         // More jobs than there are places, and one that is given up.
         for id in 0..=PASS_JOBS as u64 {
-            looker.link.pass(PassJob::new(id, order(fc(9)))).expect("room");
+            looker.link.hand(PassJob::new(id, order(fc(9)))).expect("room");
         }
         bench.cycle();
-        let Some(Returned::Pass(full)) = looker.link.take() else { panic!("one too many") };
+        let Some(Job::Pass(full)) = looker.link.take() else { panic!("one too many") };
         assert_eq!((full.id(), full.pass().end), (PASS_JOBS as u64, PassEnd::Full));
         looker.link.forget(0).expect("room");
         bench.cycle();
-        let Some(Returned::Pass(gone)) = looker.link.take() else { panic!("given up") };
+        let Some(Job::Pass(gone)) = looker.link.take() else { panic!("given up") };
         assert_eq!(gone.id(), 0);
         let place = pass(bench, looker, order(common::ob(1)));
         assert_eq!(place.end, PassEnd::Whole, "its place is free again");
@@ -172,13 +172,13 @@ fn what_cannot_be_watched_is_told() {
         bench.cycle();
         // The CPU goes to STOP in the pass: what ran until then is there.
         bench.set(0, Width::Word, 1);
-        looker.link.pass(PassJob::new(8, order(common::ob(1)))).expect("room");
+        looker.link.hand(PassJob::new(8, order(common::ob(1)))).expect("room");
         bench.clock.now += 100 * MS;
         let mut stopped = None;
         for _ in 0..6 {
             bench.set(0, Width::Word, 1);
             bench.cycle();
-            if let Some(Returned::Pass(job)) = looker.link.take()
+            if let Some(Job::Pass(job)) = looker.link.take()
                 && job.id() == 8
             {
                 stopped = Some(job.into_pass());

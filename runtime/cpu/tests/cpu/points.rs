@@ -1,6 +1,6 @@
 //! Cells read and written at a point of the cycle.
 
-use ob1_cpu::{Cell, CellError, Command, Piece, PointJob, Put, Returned, Width};
+use ob1_cpu::{Cell, CellError, Command, Job, Piece, PointJob, Put, Width};
 use ob1_model::{Area, POINT_JOBS, Point, PointItem, PointOrder};
 
 use crate::common::window::Looker;
@@ -35,7 +35,7 @@ type Outcomes = Vec<Result<Vec<u8>, CellError>>;
 
 fn back(looker: &mut Looker) -> Option<(u64, Outcomes)> {
     match looker.link.take()? {
-        Returned::Point(job) => Some((job.id(), job.outcomes().map(|one| one.map(<[u8]>::to_vec)).collect())),
+        Job::Point(job) => Some((job.id(), job.outcomes().map(|one| one.map(<[u8]>::to_vec)).collect())),
         other => panic!("{other:?}"),
     }
 }
@@ -44,9 +44,9 @@ fn back(looker: &mut Looker) -> Option<(u64, Outcomes)> {
 fn each_point_sees_its_part_of_the_cycle() {
     let (mut bench, mut looker) = bench();
     // Modified at the begin: the program of the cycle has it, and the end sees what the program made of it.
-    looker.link.point(PointJob::new(1, order(Point::End, &[word(0), word(2), put(0, 9)]))).expect("room");
-    looker.link.point(PointJob::new(2, order(Point::Start, &[put(0, 0x1234), word(2)]))).expect("room");
-    looker.link.point(PointJob::new(3, order(Point::Now, &[word(0)]))).expect("room");
+    looker.link.hand(PointJob::new(1, order(Point::End, &[word(0), word(2), put(0, 9)]))).expect("room");
+    looker.link.hand(PointJob::new(2, order(Point::Start, &[put(0, 0x1234), word(2)]))).expect("room");
+    looker.link.hand(PointJob::new(3, order(Point::Now, &[word(0)]))).expect("room");
     bench.cycle();
     assert_eq!(back(&mut looker), Some((3, vec![Ok(vec![0, 0])])));
     assert_eq!(back(&mut looker), Some((2, vec![Ok(vec![]), Ok(vec![0, 0])])));
@@ -61,7 +61,7 @@ fn each_item_has_its_outcome() {
     let (mut bench, mut looker) = bench();
     let outside = PointItem::Read(Piece::Bytes { at: Cell::Db(5, 0), len: 4 });
     let items = [put(0, 7), outside, word(0), PointItem::Write(Put::Value(Cell::Timer(999), Width::Word, 0)), word(2)];
-    looker.link.point(PointJob::new(1, order(Point::Now, &items))).expect("room");
+    looker.link.hand(PointJob::new(1, order(Point::Now, &items))).expect("room");
     bench.cycle();
     let outcomes = vec![Ok(vec![]), Err(CellError::NoDb), Ok(vec![0, 7]), Err(CellError::NoTimer), Ok(vec![0, 0])];
     assert_eq!(back(&mut looker), Some((1, outcomes)));
@@ -71,7 +71,7 @@ fn each_item_has_its_outcome() {
 fn what_stays_is_done_in_each_cycle_until_it_is_forgotten() {
     let (mut bench, mut looker) = bench();
     let stays = PointOrder { stays: true, ..order(Point::Start, &[put(0, 5)]) };
-    looker.link.point(PointJob::new(1, stays)).expect("room");
+    looker.link.hand(PointJob::new(1, stays)).expect("room");
     for _ in 0..5 {
         bench.set(0, Width::Word, 1);
         bench.cycle();
@@ -89,14 +89,14 @@ fn what_stays_is_done_in_each_cycle_until_it_is_forgotten() {
 fn a_stop_is_a_point_and_in_stop_the_cycle_goes_on() {
     let (mut bench, mut looker) = bench();
     bench.set(0, Width::Word, 3);
-    looker.link.point(PointJob::new(1, order(Point::Stop, &[word(2)]))).expect("room");
+    looker.link.hand(PointJob::new(1, order(Point::Stop, &[word(2)]))).expect("room");
     bench.cycle();
     bench.cycle();
     assert_eq!(back(&mut looker), None);
     bench.cpu.request(Command::Stop);
     bench.cycle();
     assert_eq!(back(&mut looker), Some((1, vec![Ok(vec![0, 3])])));
-    looker.link.point(PointJob::new(2, order(Point::Start, &[put(0, 8), word(0)]))).expect("room");
+    looker.link.hand(PointJob::new(2, order(Point::Start, &[put(0, 8), word(0)]))).expect("room");
     bench.cycle();
     assert_eq!(back(&mut looker), Some((2, vec![Ok(vec![]), Ok(vec![0, 8])])));
 }
@@ -105,17 +105,17 @@ fn a_stop_is_a_point_and_in_stop_the_cycle_goes_on() {
 fn there_are_so_many_places() {
     let (mut bench, mut looker) = bench();
     for id in 0..=POINT_JOBS as u64 {
-        looker.link.point(PointJob::new(id, order(Point::Stop, &[]))).expect("room");
+        looker.link.hand(PointJob::new(id, order(Point::Stop, &[]))).expect("room");
         bench.cycle();
     }
-    let Some(Returned::Point(job)) = looker.link.take() else { panic!("nothing came back") };
+    let Some(Job::Point(job)) = looker.link.take() else { panic!("nothing came back") };
     assert_eq!((job.id(), job.is_full()), (POINT_JOBS as u64, true));
     for id in 0..POINT_JOBS as u64 {
         looker.link.forget(id).expect("room");
     }
     bench.cycle();
     assert_eq!(std::iter::from_fn(|| back(&mut looker)).count(), POINT_JOBS);
-    looker.link.point(PointJob::new(99, order(Point::Now, &[]))).expect("room");
+    looker.link.hand(PointJob::new(99, order(Point::Now, &[]))).expect("room");
     bench.cycle();
     assert_eq!(back(&mut looker), Some((99, vec![])));
 }

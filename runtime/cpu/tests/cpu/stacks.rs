@@ -1,6 +1,6 @@
 //! The stacks of a CPU in STOP, on every engine.
 
-use ob1_cpu::{Command, DebugJob, OperatingState, Returned, Width};
+use ob1_cpu::{Command, DebugJob, Job, OperatingState, Width};
 use ob1_model::{DebugAnswer, DebugEnd, DebugOrder};
 
 use ob1_time::Span;
@@ -19,10 +19,10 @@ const PROGRAM: &str = "FUNCTION FC 5 : VOID\nVAR_TEMP\n x : DWORD;\nEND_VAR\nBEG
     ORGANIZATION_BLOCK OB 1\nBEGIN\nAUF DB 9;\nCALL FB 7, DB 7;\nL 1;\nEND_ORGANIZATION_BLOCK\n";
 
 fn stack(bench: &mut Bench, looker: &mut Looker, level: u8) -> DebugAnswer {
-    looker.link.debug(DebugJob::new(1, DebugOrder::Stack { level })).expect("room");
+    looker.link.hand(DebugJob::new(1, DebugOrder::Stack { level })).expect("room");
     bench.cycle();
     loop {
-        if let Some(Returned::Debug(job)) = looker.link.take() {
+        if let Some(Job::Debug(job)) = looker.link.take() {
             return job.into_answer();
         }
     }

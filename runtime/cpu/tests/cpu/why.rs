@@ -1,7 +1,7 @@
 //! Why a bit has its value: what is named is true on the CPU. Random programs of bit logic run once with everything as
 //! it was, and once for each named bit with that bit the other way.
 
-use ob1_cpu::{Cell, PassJob, Returned, Width};
+use ob1_cpu::{Cell, Job, PassJob, Width};
 use ob1_ir::why::{Observed, Skipped, Why};
 use ob1_ir::{BitTest, Op, Place, Program};
 use ob1_model::{Area, BitAddr, PassEnd, PassLine, PassOrder};
@@ -126,10 +126,10 @@ impl Plant {
     fn pass(&mut self, memory: &[u8]) -> Vec<PassLine> {
         let wait = Span::from_secs(10).nanos();
         let order = PassOrder { block: common::ob(1), from: None, db: 0, first: 0, count: 512, wait, before: false };
-        self.looker.link.pass(PassJob::new(1, order)).expect("room");
+        self.looker.link.hand(PassJob::new(1, order)).expect("room");
         for _ in 0..30 {
             self.cycle(memory);
-            if let Some(Returned::Pass(job)) = self.looker.link.take() {
+            if let Some(Job::Pass(job)) = self.looker.link.take() {
                 let pass = job.into_pass();
                 assert_eq!(pass.end, PassEnd::Whole);
                 return pass.lines;

@@ -12,8 +12,8 @@ use std::sync::atomic::AtomicU64;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
 use ob1_cpu::{
-    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, DebugJob, DiagEntry, Family, Link, Mark, ObFigures,
-    OperatingState, PassJob, Returned, Window, system_blocks,
+    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, DebugJob, DiagEntry, Family, Job, Link, Mark, ObFigures,
+    OperatingState, PassJob, Window, system_blocks,
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{
@@ -47,18 +47,18 @@ impl Device {
     fn serve(&mut self) {
         let (Some(link), Some(random)) = (&mut self.link, &mut self.random) else { return };
         while let Some(returned) = link.take() {
-            let Returned::Debug(job) = returned else { continue };
+            let Job::Debug(job) = returned else { continue };
             if job.into_answer().end != DebugEnd::Held {
                 continue;
             }
             (self.holds, self.left) = (self.holds + 1, self.left.saturating_sub(1));
             let mut resume = random.of(&[Resume::Run, Resume::Into, Resume::Into, Resume::Over, Resume::Out]);
             if self.left == 0 {
-                link.debug(DebugJob::new(2, DebugOrder::Breakpoints(Vec::new()))).expect("room");
+                link.hand(DebugJob::new(2, DebugOrder::Breakpoints(Vec::new()))).expect("room");
                 resume = Resume::Run;
             }
             let order = DebugOrder::Hold { resume: Some(resume), wait: PASS_WAIT };
-            link.debug(DebugJob::new(3, order)).expect("room");
+            link.hand(DebugJob::new(3, order)).expect("room");
         }
     }
 }
@@ -316,7 +316,7 @@ pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
             Some(link) => link,
             none => none.insert(cpu.link(Box::new(NoWindow)).expect("the first")),
         };
-        while let Some(Returned::Pass(job)) = link.take() {
+        while let Some(Job::Pass(job)) = link.take() {
             passes += u64::from(job.pass().end == PassEnd::Whole);
         }
         let block = |random: &mut Random| {
@@ -330,7 +330,7 @@ pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
             let db = if id == 1 { random.of(&[0, 21, 22]) } else { 0 };
             let (block, first) = (block(&mut random), random.next(4));
             let order = PassOrder { block, from, db, first, count: 512, wait: 350_000_000, before: true };
-            link.pass(PassJob::new(u64::from(scan) * 10 + id, order)).expect("room");
+            link.hand(PassJob::new(u64::from(scan) * 10 + id, order)).expect("room");
         }
     })?;
     Ok((ran, passes))
@@ -361,8 +361,8 @@ pub(crate) fn compare_held(seed: u64) -> Result<(bool, u64), String> {
             let (kind, number) = random.of(&blocks);
             Breakpoint { block: BlockId::new(kind, number), statement: random.next(6) }
         });
-        link.debug(DebugJob::new(1, DebugOrder::Breakpoints(list.collect()))).expect("room");
-        link.debug(DebugJob::new(1, DebugOrder::Hold { resume: None, wait: PASS_WAIT })).expect("room");
+        link.hand(DebugJob::new(1, DebugOrder::Breakpoints(list.collect()))).expect("room");
+        link.hand(DebugJob::new(1, DebugOrder::Hold { resume: None, wait: PASS_WAIT })).expect("room");
         holds = device.holds;
     })?;
     Ok((ran, holds))
@@ -438,10 +438,10 @@ fn compared(
 /// In what the CPU has stopped: blocks, and local data of one.
 fn stacks(cpu: &mut Cpu, clock: &mut Charged, level: u8) -> Option<(Vec<HeldBlock>, Vec<u8>)> {
     let mut link = cpu.link(Box::new(NoWindow))?;
-    link.debug(DebugJob::new(7, DebugOrder::Stack { level })).expect("room");
+    link.hand(DebugJob::new(7, DebugOrder::Stack { level })).expect("room");
     cpu.cycle(clock);
     while let Some(returned) = link.take() {
-        if let Returned::Debug(job) = returned {
+        if let Job::Debug(job) = returned {
             let held = job.into_answer().held;
             return Some((held.stack, held.local));
         }

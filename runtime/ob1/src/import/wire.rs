@@ -7,8 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use ob1_s7::client::jobs::{Device, Wire};
 use ob1_s7::client::{Client, Failure, Observer};
-use ob1_s7::iso::Place;
-use ob1_station_file::ISO_PORT;
+use ob1_s7::iso::{ISO_PORT, Place};
 
 /// A CPU that says nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);

@@ -37,8 +37,8 @@ use crate::view::{ModuleView, StationView};
 use crate::wall_clock::date_now;
 use bus::AddedBus;
 use ob1_station_file::{
-    AbdUnit, Absent, EngineChoice, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station,
-    StationLink,
+    AbdUnit, Absent, EngineChoice, Line, LinkKind, LinkSettings, ModuleConfig, ModuleKind, Partner, SimulatedLine,
+    Station, StationLink,
 };
 use ob1_timing::Timings;
 
@@ -107,7 +107,7 @@ pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
         let Some(module) = station.modules.iter().find(|module| link.cp.as_ref() == Some(&module.name)) else {
             continue;
         };
-        for connection in &link.connections {
+        for connection in link.connections() {
             let address = Setting::Int(i64::from(module.input_address));
             whole.settings.insert(format!("connection.{}", connection.id), address);
         }
@@ -115,16 +115,16 @@ pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
     station.modules.iter().map(plugin_module).chain([whole]).collect()
 }
 
-/// What the broker knows of a link. `config`: the keys its process reads itself, as JSON.
+/// What the broker knows of a link, and tells its process: the `settings`.
 #[must_use]
-pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) -> LinkConfig {
+pub fn link_config(link: &StationLink, settings: &LinkSettings, listeners: Vec<OwnedFd>) -> LinkConfig {
     LinkConfig {
         name: link.name.clone(),
         rights: link.rights,
         allowed: link.allowed.clone(),
         password: link.password.clone(),
         password_rights: link.password_rights,
-        config,
+        config: settings.json(),
         listeners,
     }
 }
@@ -319,7 +319,7 @@ pub fn assemble(
 
 /// Where a link is reached.
 fn listens(link: &StationLink) -> Option<Listens> {
-    let tls = link.config.contains("\"certificate\":");
+    let tls = matches!(&link.settings, LinkSettings::Gate(told) if told.tls.is_some());
     Some(Listens { kind: link.kind.word().to_owned(), address: link.listen?, tls })
 }
 

@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ob1_access::door::Door;
+use ob1_access::settings::GateKind;
 use ob1_access::{Allowed, Right};
 use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
@@ -44,7 +45,7 @@ use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::{RunDir, RunDirError};
 use crate::view::StationView;
-use ob1_station_file::{LinkKind, Station, StationLink};
+use ob1_station_file::{LinkSettings, Station, StationLink};
 use ob1_timing::Observer;
 
 /// Time between two checks of the scan and the clock.
@@ -441,8 +442,7 @@ fn keep_secret(station: &Station) -> Result<(), Failure> {
 
 /// Of the files of a link that nobody else may read, this one holds its users.
 fn is_of_users(link: &StationLink, file: &Path) -> bool {
-    let config = serde_json::from_str::<serde_json::Value>(&link.config).unwrap_or_default();
-    config.get("users").and_then(serde_json::Value::as_str).is_some_and(|users| Path::new(users) == file)
+    matches!(&link.settings, LinkSettings::Gate(told) if told.users.as_deref() == Some(file))
 }
 
 /// A CP 343 is started as the driver of its module: each process of it gets a door of its own.
@@ -454,21 +454,20 @@ fn door_for_each(broker: Handle, link: usize) -> HandOver {
     })
 }
 
-/// The keys of a link. An S7 link has a tap; a page that may show everything learns where the drivers publish what
-/// goes over their lines.
-fn with_taps(link: &StationLink, control_socket: &Path) -> String {
-    let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();
-    match (keys, control_socket.parent()) {
-        (Some(mut keys), Some(folder)) if link.kind == LinkKind::Web && link.allowed == Allowed::default() => {
-            keys["taps"] = serde_json::json!(folder);
-            keys.to_string()
-        }
-        (Some(mut keys), _) if link.kind == LinkKind::S7 => {
-            keys["tap"] = true.into();
-            keys.to_string()
-        }
-        _ => link.config.clone(),
+/// What the process of a link is told. An S7 link has a tap; a page that may show everything learns where the drivers
+/// publish what goes over their lines.
+fn with_taps(link: &StationLink, control_socket: &Path) -> LinkSettings {
+    let mut settings = link.settings.clone();
+    match &mut settings {
+        LinkSettings::S7(told) => told.tap = true,
+        LinkSettings::Gate(told) => match &mut told.own {
+            GateKind::Web(told) if link.allowed == Allowed::default() => {
+                told.taps = control_socket.parent().map(Path::to_owned);
+            }
+            _ => {}
+        },
     }
+    settings
 }
 
 /// Starts the broker and the processes of the links; the door is that of the control socket.
@@ -483,7 +482,7 @@ fn open_doors(
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
     let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| {
-        assembly::link_config(link, with_taps(link, control_socket), listeners)
+        assembly::link_config(link, &with_taps(link, control_socket), listeners)
     };
     // The last one hears what happens, for recordings.
     let (hearing, all) = (LinkConfig::default(), std::iter::once(control));

@@ -10,7 +10,8 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, 
 
 use super::failure::Failure;
 use crate::exit::Exit;
-use ob1_station_file::{ConnectionType, LinkKind, Station, StationLink};
+use ob1_access::settings::ConnectionType;
+use ob1_station_file::{LinkKind, Station, StationLink};
 
 /// Connections that may wait to be accepted.
 const CALLERS: i32 = 128;
@@ -35,9 +36,10 @@ pub(super) fn listen(station: &Station, rundir: &Path) -> Result<Vec<Vec<OwnedFd
         if let Some(listen) = link.listen {
             sockets.push(tcp(listen).map_err(|error| refused(link, listen, &error))?);
         }
-        for connection in &link.connections {
-            let Some(at) = connection.bind else { continue };
-            let bound = if connection.ty == ConnectionType::Udp { udp(at, connection.partner) } else { tcp(at) };
+        for connection in link.connections() {
+            let Some((listen, port)) = link.listen.zip(connection.port) else { continue };
+            let at = SocketAddr::new(listen.ip(), port);
+            let bound = if connection.kind == ConnectionType::Udp { udp(at, connection.partner) } else { tcp(at) };
             sockets.push(bound.map_err(|error| refused(link, at, &error))?);
         }
         if link.kind == LinkKind::S7 {

@@ -63,7 +63,7 @@ impl Simulated {
         let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
         let links = station.links.iter().map(|link| {
             let sockets = if link.kind == LinkKind::Metrics { listener.take() } else { None };
-            assembly::link_config(link, link.config.clone(), sockets.into_iter().collect())
+            assembly::link_config(link, &link.settings, sockets.into_iter().collect())
         });
         let links = std::iter::once(control).chain(links).collect();
         let (feed, end) = feed();

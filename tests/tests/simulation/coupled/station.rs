@@ -50,7 +50,7 @@ impl Station {
         )
         .unwrap_or_else(|errors| panic!("{errors:?}"));
         let link = &station.links[0];
-        let links = vec![assembly::link_config(link, link.config.clone(), Vec::new())];
+        let links = vec![assembly::link_config(link, &link.settings, Vec::new())];
         let broker = Broker::new(&mut cpu, links, feed().1, Box::new(Bare)).expect("a broker");
         cpu.request(Command::Run);
         Self { cpu, broker, process: Process::new(me, segment, life, base, late), due: Instant::START }

@@ -70,7 +70,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-serial",
             "clap",
             "rustix",
-            "serde",
             "serde_json",
             "tracing",
         ],
@@ -109,8 +108,6 @@ pub(super) const TABLE: &[Row] = &[
             "async-trait",
             "parking_lot",
             "rustix",
-            "serde",
-            "serde_json",
             "tokio",
             "tracing",
         ],
@@ -118,7 +115,7 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-gate-mqtt",
         "invariant 2",
-        &["ob1-access", "ob1-gate-core", "ob1-model", "rumqttc", "serde", "serde_json", "tokio", "tracing"],
+        &["ob1-access", "ob1-gate-core", "ob1-model", "rumqttc", "serde_json", "tokio", "tracing"],
     ),
     row(
         "ob1-gate",
@@ -216,6 +213,8 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-model",
             "ob1-params",
+            // The port of ISO on TCP.
+            "ob1-s7",
             "ob1-serial",
             "ob1-std",
             "ob1-stl",

@@ -1,7 +1,8 @@
-//! The access port: served once a scan, a bounded number of items.
+//! Commands and questions of links: answered once a scan, a bounded number of them.
 
 use ob1_cpu::{
-    Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, ShortText, TimeOfDay, Width,
+    Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, Group, OperatingState, Put, Question, ShortText, TimeOfDay,
+    TooMuch, Width,
 };
 use ob1_ir::{AccuOp, NumberFormat, Op};
 use ob1_model::moment::Moment;
@@ -10,71 +11,92 @@ use ob1_std::services::Period;
 use ob1_time::Span;
 
 use crate::common;
+use crate::common::window::Client;
 use crate::common::*;
 
-fn bench(items: u32, capacity: usize) -> Bench {
-    let config = CpuConfig { port_items_per_scan: items, port_capacity: capacity, ..CpuConfig::default() };
+fn bench(items: u32) -> Bench {
+    let config = CpuConfig { questions_per_scan: items, ..CpuConfig::default() };
     let mut protected = db(8, &[1, 2]);
     protected.read_only = true;
     let program = program(vec![ob1(vec![])], vec![db(7, &[0x12, 0x34]), protected]);
     Bench::with(Cpu::new(config, &program, vec![], vec![], common::engine()).expect("loads"))
 }
 
+/// The numbers of the questions that have come back.
+fn answered(client: &mut Client) -> Vec<u64> {
+    std::iter::from_fn(|| client.take()).map(|question| question.id()).collect()
+}
+
 #[test]
 fn at_most_so_many_items_a_scan_in_order() {
-    let mut bench = bench(3, 16);
-    let mut client = bench.cpu.access_client().expect("the first");
-    assert!(bench.cpu.access_client().is_none(), "there is one");
+    let mut bench = bench(3);
+    let mut client = Client::of(&mut bench.cpu);
     bench.run();
     for id in 0..8 {
-        client.post(Request { id, ask: Ask::State }).expect("room");
+        client.ask(id, [Ask::State]);
     }
     for expected in [vec![0, 1, 2], vec![3, 4, 5], vec![6, 7], vec![]] {
         bench.run();
-        let mut got = Vec::new();
-        while let Some(response) = client.take() {
-            assert_eq!(response.answer, Answer::State(OperatingState::Run));
-            got.push(response.id);
-        }
-        assert_eq!(got, expected);
+        assert_eq!(answered(&mut client), expected);
     }
+    // What is asked together comes together, however long it takes; a second link is heard meanwhile.
+    let mut other = Client::of(&mut bench.cpu);
+    client.ask(8, vec![Ask::State; 7]);
+    other.ask(1, [Ask::Clock]);
+    for (expected, others) in [(vec![], vec![]), (vec![], vec![1]), (vec![8], vec![])] {
+        bench.run();
+        assert_eq!((answered(&mut client), answered(&mut other)), (expected, others));
+    }
+    client.ask(9, vec![Ask::State; 7]);
+    (0..3).for_each(|_| bench.run());
+    assert_eq!(client.take().expect("whole").answers(), [Answer::State(OperatingState::Run); 7]);
 }
 
 #[test]
 fn full_rings_hold_back_and_lose_nothing() {
-    let mut bench = bench(64, 4);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut bench = bench(64);
+    let mut client = Client::of(&mut bench.cpu);
     bench.run();
-    for id in 0..4 {
-        client.post(Request { id, ask: Ask::State }).expect("room");
+    let mut asked = 0;
+    // Whoever does not take its answers is asked to wait, in the end.
+    for _ in 0..32 {
+        while client.0.hand(Question::new(asked, vec![Ask::State])) != Err(TooMuch::UnderWay) {
+            asked += 1;
+        }
+        bench.run();
     }
-    assert!(client.post(Request { id: 9, ask: Ask::State }).is_err());
+    assert!((64..32 * 32).contains(&asked), "{asked}");
+    let mut ids = answered(&mut client);
     bench.run();
-    // Four answers wait; four more requests find no room for theirs and stay.
-    for id in 4..8 {
-        client.post(Request { id, ask: Ask::State }).expect("room");
-    }
-    bench.run();
-    let mut ids = Vec::new();
-    while let Some(response) = client.take() {
-        ids.push(response.id);
-    }
-    assert_eq!(ids, [0, 1, 2, 3]);
-    bench.run();
-    assert_eq!(client.take().map(|r| r.id), Some(4));
+    ids.extend(answered(&mut client));
+    assert_eq!(ids, (0..asked).collect::<Vec<_>>());
     drop(bench);
-    assert!(client.is_closed());
+    assert!(client.0.is_closed());
+}
+
+/// A write waits for the cycle control point, a command that was given after it does not.
+#[test]
+fn a_command_overtakes_what_is_written() {
+    let mut bench = bench(64);
+    let mut client = Client::of(&mut bench.cpu);
+    bench.run();
+    let put = Put::Value(Cell::Area(Area::Memory, 0), Width::Byte, 7);
+    client.0.hand(Group::new(1, vec![put]).expect("little")).expect("room");
+    client.ask(2, [Ask::Command(Command::Stop), Ask::State]);
+    bench.cycle();
+    assert_eq!(client.take().expect("answered").answers(), [Answer::Done, Answer::State(OperatingState::Run)]);
+    assert_eq!((bench.cpu.state(), bench.mb(0)), (OperatingState::Stop, 7));
 }
 
 #[test]
 fn commands_and_refusals() {
-    let mut bench = bench(64, 64);
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut bench = bench(64);
+    let mut client = Client::of(&mut bench.cpu);
     bench.run();
     let mut ask = |bench: &mut Bench, ask| {
-        client.post(Request { id: 1, ask }).expect("room");
+        client.ask(1, [ask]);
         bench.cycle();
-        client.take().expect("an answer").answer
+        client.answer().expect("an answer")
     };
     let refused = Answer::Refused;
     for (question, answer) in [
@@ -97,7 +119,7 @@ fn commands_and_refusals() {
 
 #[test]
 fn cells_and_refusals() {
-    let mut bench = bench(64, 64);
+    let mut bench = bench(64);
     bench.run();
     use Width::{Bit, Byte, DWord, Word};
     let cpu = &mut bench.cpu;
@@ -128,7 +150,7 @@ fn cells_and_refusals() {
 
 #[test]
 fn warm_and_cold_restart_and_memory_reset() {
-    let mut bench = bench(64, 64);
+    let mut bench = bench(64);
     bench.run();
     let set = |bench: &mut Bench| {
         bench.set(0, Width::Byte, 5);
@@ -158,12 +180,12 @@ fn a_clock_that_is_set_moves_the_time_of_day_interrupts() {
     let program = program(vec![ob1(vec![]), block(ob(10), Interface::default(), count)], vec![]);
     let mut bench = Bench::with(Cpu::new(config, &program, vec![], vec![], common::engine()).expect("loads"));
     bench.clock.per_statement = Span::ZERO;
-    let mut client = bench.cpu.access_client().expect("the first");
+    let mut client = Client::of(&mut bench.cpu);
     bench.run();
     // Half a minute is over then. No block of the program looks at the interrupts.
-    client.post(Request { id: 1, ask: Ask::SetClock([0x90, 1, 1, 0, 0, 0x30, 0, 2]) }).expect("room");
+    client.ask(1, [Ask::SetClock([0x90, 1, 1, 0, 0, 0x30, 0, 2])]);
     bench.run();
-    assert_eq!(client.take().map(|response| response.answer), Some(Answer::Done));
+    assert_eq!(client.answer(), Some(Answer::Done));
     for (seconds, runs) in [(29, 0), (30, 1)] {
         bench.clock.now = at(seconds * 1000 * MS);
         bench.run();
