@@ -2,6 +2,7 @@
 //! proportional to the length; the way of a program to another process; and the lines of SCL a second.
 
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use ob1_ir::Symbol;
@@ -151,6 +152,19 @@ fn compile(statements: usize) -> Result<f64, Failure> {
         }
     }
     Ok(median(&mut times))
+}
+
+/// A station with such a program in a folder: its file.
+pub(super) fn station(folder: &Path, statements: usize) -> Result<PathBuf, Failure> {
+    let (text, symbols) = program(statements);
+    std::fs::write(folder.join("generated.awl"), text)?;
+    let row = |symbol: Symbol| format!("\"{}\",\"{}\",\"BOOL\",\"\"\r\n", symbol.name, symbol.address);
+    std::fs::write(folder.join("symbols.sdf"), symbols.into_iter().map(row).collect::<String>())?;
+    let file = folder.join("station.toml");
+    let text = "[station]\nname = \"bench-start\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"1s\"\n\n[program]\n\
+                sources = [\"generated.awl\"]\nsymbols = [\"symbols.sdf\"]\nmnemonics = \"de\"\n";
+    std::fs::write(&file, text)?;
+    Ok(file)
 }
 
 /// A program of functions of [`BODY`] statements, called from OB 1, with a data block and a symbol for every four of

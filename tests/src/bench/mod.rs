@@ -24,6 +24,7 @@ pub mod peer;
 pub mod record;
 pub mod s7;
 pub mod scan;
+pub mod start;
 pub mod stations;
 pub mod stl;
 pub mod wake;
@@ -34,7 +35,7 @@ use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
 /// What `cargo xtask bench` measures without further words.
-pub const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memory", "line", "compile"];
+pub const NAMES: [&str; 9] = ["scan", "pair", "access", "backplane", "driver", "memory", "line", "compile", "start"];
 
 /// One printed line.
 #[derive(Debug)]

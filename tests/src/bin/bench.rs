@@ -7,11 +7,11 @@ use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
     Figure, NAMES, access, alarms, backplane, causes, compile, counts, disturb, driver, engines, fleet, io,
-    kill_runtime, line, machine_code, memory, record, s7, scan, stations, stl, wake, watch, written,
+    kill_runtime, line, machine_code, memory, record, s7, scan, start, stations, stl, wake, watch, written,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--write] [--triples N] [--seconds S]
-  names: scan, pair, access, backplane, driver, memory, line, compile (default: all of these);
+  names: scan, pair, access, backplane, driver, memory, line, compile, start (default: all of these);
          --write: into docs/figures.md, with command, date and machine
          stl: the engines beside each other, beside C and beside awlsim (installed into .venv), alone; about two minutes
          engines: the same without awlsim
@@ -224,6 +224,7 @@ fn measure(names: &[&str], write: bool) -> Result<bool, Failure> {
                 figures
             }
             "access" => access::figures()?,
+            "start" => start::measure()?.into(),
             _ => memory::measure()?.into(),
         };
         met &= shown(&figures);
