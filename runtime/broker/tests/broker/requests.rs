@@ -170,6 +170,37 @@ fn questions() {
     assert_eq!(station.cpu.state(), ob1_cpu::OperatingState::Run);
 }
 
+/// Whoever asks a CPU that hangs is told so, also when it takes no more questions and writes.
+#[test]
+fn a_silent_cpu_with_full_rings_is_told() {
+    let mut station = Station::new(vec![link("panel", Right::Operate)]);
+    let mut door = station.open(0);
+    let mut later = |station: &mut Station, clients: std::ops::Range<u32>| {
+        for client in clients {
+            door.ask(client, Ask::Clock);
+            door.write(client, vec![word(memory(20), 1)]).expect("a group");
+        }
+        door.pump().expect("open");
+        for _ in 0..33 {
+            station.time += 100 * MS;
+            station.broker.step(station.time);
+        }
+        door.pump().expect("open");
+        let news = std::iter::from_fn(|| door.take_news());
+        news.filter(|news| match news {
+            News::Answer { answer, .. } => *answer == Answer::Refused(Refusal::Silent),
+            News::Written { outcome, .. } => outcome.is_err_and(|refused| refused.why == Refusal::Silent),
+            _ => false,
+        })
+        .count()
+    };
+    // More than the rings hold, and again when they are full from the beginning.
+    assert_eq!(later(&mut station, 0..50), 100);
+    assert_eq!(later(&mut station, 0..50), 100);
+    station.cycles(5);
+    assert!(matches!(station.ask(&mut door, 1, Ask::Clock), Answer::Clock(_)), "and then it goes on");
+}
+
 /// A CPU that hangs: each question is answered nevertheless, and an answer that comes too late belongs to nobody.
 #[test]
 fn a_silent_cpu_is_told() {
