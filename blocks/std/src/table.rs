@@ -87,7 +87,7 @@ mod tests {
             ("SYSTEM:RDREC", "STATUS", "12.0"),
             ("SYSTEM:RDREC", "RECORD", "18.0"),
         ] {
-            assert_eq!(crate::testing::Fake::new(key).at(name), at, "{key} {name}");
+            assert_eq!(crate::tests::Fake::new(key).at(name), at, "{key} {name}");
         }
     }
 

@@ -3,11 +3,11 @@
 
 mod diagnosis;
 mod exchange;
-#[cfg(test)]
-mod model;
 mod outlet;
 mod receive;
 mod send;
+#[cfg(test)]
+mod tests;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};

@@ -4,8 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use ob1_fakes::cp_port::{CpLog, Plug};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, Instant, LineInput, Registers, Wire};
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
+use ob1_line::sim::FaultRates;
 
 use crate::common::{MS, s3964r, word};
 

@@ -1,7 +1,7 @@
 //! Two ASCII machines on a two-wire line that panics when both send at once: question and answer, each after the
 //! silence that ends the other.
 
-use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::ascii::{Ascii, Config};
 use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, Order, SendError, Sink, Wire};
 

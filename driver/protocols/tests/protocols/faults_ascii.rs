@@ -1,7 +1,8 @@
 //! ASCII on a bad line, see [`pair`]. Its only checks are parity, frame and silence: an accepted telegram is everything
 //! between two silences, with every character readable.
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow, XOFF, XON};
 use ob1_protocols::{Instant, MS, SECOND, Span};
 

@@ -1,7 +1,8 @@
 //! STX/ETX on a bad line, see [`pair`]. An accepted telegram was between start and end characters, with every character
 //! readable and none later than TMO, and contains no start or end.
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::ascii::{Flow, XOFF, XON};
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
 use ob1_protocols::{Instant, MS, SECOND, Span};

@@ -456,7 +456,7 @@ pub(super) const TABLE: &[Row] = &[
         ],
     ),
     // Stand-ins for tests: no product needs it.
-    row("ob1-fakes", "tools", &["ob1-coupler", "ob1-firmware", "ob1-protocols"]),
+    row("ob1-fakes", "tools", &["ob1-coupler", "ob1-firmware", "ob1-line", "ob1-protocols"]),
     row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 

@@ -1,6 +1,7 @@
 //! The bus keeps the times of the cable, and has the collisions of two wires.
 
-use super::super::{End, SimConfig, SimEvent, SimLine};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
+
 use super::*;
 
 const T: Span = Span::from_micros(1);

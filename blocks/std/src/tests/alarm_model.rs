@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use ob1_model::{AlarmAck, AlarmChange, AlarmKind, AlarmOrder, AlarmTime, Displays};
 
 use crate::services::AlarmTable;
-use crate::testing::Fake;
+use crate::tests::Fake;
 
 /// What a display is to be told, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,8 +1,9 @@
-//! How many characters a second the simulated line carries: `cargo run --release -p ob1-line --example sim_speed`.
+//! How many characters a second the simulated line carries: `cargo run --release -p ob1-fakes --example sim_speed`.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types)] // Measures with the real clock.
 
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_line::Instant;
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
+use ob1_line::sim::FaultRates;
 
 fn main() {
     for (name, faults) in [("clean", FaultRates::NONE), ("100 faults of each kind per million", FaultRates::all(100))] {

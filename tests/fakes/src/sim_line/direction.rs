@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
-use super::faults::Fate;
-use super::{SimConfig, SimEvent, SplitMix64};
-use crate::line::{Instant, LineFault, Span};
+use ob1_line::sim::{Fate, SplitMix64};
+use ob1_line::{Instant, LineFault, Span};
+
+use super::{SimConfig, SimEvent};
 
 /// A character in transit, or its fault.
 #[derive(Debug, Clone, Copy)]

@@ -1,5 +1,7 @@
 //! A CPU for tests: parameters by name, memory, modules and every service, for the tests of the blocks.
 
+mod alarm_model;
+
 use std::collections::BTreeMap;
 
 use ob1_model::calendar::DAY_MS;
