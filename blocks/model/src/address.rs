@@ -2,26 +2,28 @@
 
 use std::fmt;
 
-/// A memory area as an STL operand names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum Area {
-    /// Process image of the inputs, `E` / `I`.
-    Input,
-    /// Process image of the outputs, `A` / `Q`.
-    Output,
-    /// Bit memory, `M`, from M 0.0 on.
-    Memory,
-    /// Local data of the running block, `L`.
-    Local,
-    /// Local data of the calling block, `V` (area code 87h, in pointers only).
-    PreviousLocal,
-    /// The data block opened with `AUF DB`, `DBX DBB DBW DBD`.
-    Db,
-    /// The data block opened with `AUF DI`, `DIX DIB DIW DID`.
-    Di,
-    /// Peripheral bytes, `PE` when read and `PA` when written; no process image in between.
-    Peripheral,
+named! {
+    /// A memory area, named by the German identifier of STL without its width.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[repr(u8)]
+    pub enum Area {
+        /// Process image of the inputs, `I` in the international set.
+        Input = "E",
+        /// Process image of the outputs, `Q` in the international set.
+        Output = "A",
+        /// Bit memory, from M 0.0 on.
+        Memory = "M",
+        /// Local data of the running block.
+        Local = "L",
+        /// Local data of the calling block (area code 87h, in pointers only).
+        PreviousLocal = "V",
+        /// The data block opened with `AUF DB`, `DBX DBB DBW DBD`.
+        Db = "DB",
+        /// The data block opened with `AUF DI`, `DIX DIB DIW DID`.
+        Di = "DI",
+        /// Peripheral bytes, `PE` when read and `PA` when written; no process image in between.
+        Peripheral = "P",
+    }
 }
 
 impl Area {
@@ -54,21 +56,6 @@ impl Area {
             0x87 => Area::PreviousLocal,
             _ => return None,
         })
-    }
-
-    /// The German identifier, without width: `E`, `A`, `M`, `L`, `V`, `DB`, `DI`, `P`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Area::Input => "E",
-            Area::Output => "A",
-            Area::Memory => "M",
-            Area::Local => "L",
-            Area::PreviousLocal => "V",
-            Area::Db => "DB",
-            Area::Di => "DI",
-            Area::Peripheral => "P",
-        }
     }
 }
 

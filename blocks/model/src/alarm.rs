@@ -18,44 +18,33 @@ pub fn alarm_number(id: u32) -> String {
     format!("DW#16#{id:08X}")
 }
 
-/// The block that makes an alarm.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum AlarmKind {
-    /// SFC 17: its coming is to be acknowledged.
-    AlarmSq,
-    /// SFC 18: always acknowledged.
-    #[default]
-    AlarmS,
-    /// SFC 107: its coming is to be acknowledged.
-    AlarmDq,
-    /// SFC 108: always acknowledged.
-    AlarmD,
-    /// SFB 31: eight signals, always acknowledged.
-    Notify8p,
-    /// SFB 33: one signal, coming and going are to be acknowledged.
-    Alarm,
-    /// SFB 34: eight signals without values, coming and going are to be acknowledged.
-    Alarm8,
-    /// SFB 35: eight signals, coming and going are to be acknowledged.
-    Alarm8p,
-    /// SFB 36: one signal, always acknowledged.
-    Notify,
+named! {
+    /// The block that makes an alarm.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum AlarmKind {
+        /// SFC 17: its coming is to be acknowledged.
+        AlarmSq = "ALARM_SQ",
+        /// SFC 18: always acknowledged.
+        #[default]
+        AlarmS = "ALARM_S",
+        /// SFC 107: its coming is to be acknowledged.
+        AlarmDq = "ALARM_DQ",
+        /// SFC 108: always acknowledged.
+        AlarmD = "ALARM_D",
+        /// SFB 31: eight signals, always acknowledged.
+        Notify8p = "NOTIFY_8P",
+        /// SFB 33: one signal, coming and going are to be acknowledged.
+        Alarm = "ALARM",
+        /// SFB 34: eight signals without values, coming and going are to be acknowledged.
+        Alarm8 = "ALARM_8",
+        /// SFB 35: eight signals, coming and going are to be acknowledged.
+        Alarm8p = "ALARM_8P",
+        /// SFB 36: one signal, always acknowledged.
+        Notify = "NOTIFY",
+    }
 }
 
 impl AlarmKind {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::AlarmSq,
-        Self::AlarmS,
-        Self::AlarmDq,
-        Self::AlarmD,
-        Self::Notify8p,
-        Self::Alarm,
-        Self::Alarm8,
-        Self::Alarm8p,
-        Self::Notify,
-    ];
-
     /// Number of the SFC or SFB.
     #[must_use]
     pub const fn number(self) -> u16 {
@@ -69,22 +58,6 @@ impl AlarmKind {
             Self::Alarm8 => 34,
             Self::Alarm8p => 35,
             Self::Notify => 36,
-        }
-    }
-
-    /// The name of the block.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::AlarmSq => "ALARM_SQ",
-            Self::AlarmS => "ALARM_S",
-            Self::AlarmDq => "ALARM_DQ",
-            Self::AlarmD => "ALARM_D",
-            Self::Notify8p => "NOTIFY_8P",
-            Self::Alarm => "ALARM",
-            Self::Alarm8 => "ALARM_8",
-            Self::Alarm8p => "ALARM_8P",
-            Self::Notify => "NOTIFY",
         }
     }
 

@@ -2,41 +2,29 @@
 
 use std::fmt;
 
-/// What a block is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum BlockKind {
-    /// Organization block: called by the operating system.
-    Ob,
-    /// Function block: has an instance data block.
-    Fb,
-    /// Function: no memory of its own.
-    Fc,
-    /// System function block: an FB within the CPU.
-    Sfb,
-    /// System function: an FC within the CPU.
-    Sfc,
-    /// Data block: memory without statements.
-    Db,
-    /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
-    Sdb,
+named! {
+    /// What a block is, named by the letters in front of its number.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[repr(u8)]
+    pub enum BlockKind {
+        /// Organization block: called by the operating system.
+        Ob = "OB",
+        /// Function block: has an instance data block.
+        Fb = "FB",
+        /// Function: no memory of its own.
+        Fc = "FC",
+        /// System function block: an FB within the CPU.
+        Sfb = "SFB",
+        /// System function: an FC within the CPU.
+        Sfc = "SFC",
+        /// Data block: memory without statements.
+        Db = "DB",
+        /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
+        Sdb = "SDB",
+    }
 }
 
 impl BlockKind {
-    /// The two or three letters in front of the number.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            BlockKind::Ob => "OB",
-            BlockKind::Fb => "FB",
-            BlockKind::Fc => "FC",
-            BlockKind::Sfb => "SFB",
-            BlockKind::Sfc => "SFC",
-            BlockKind::Db => "DB",
-            BlockKind::Sdb => "SDB",
-        }
-    }
-
     /// True for blocks that run on an instance data block.
     #[must_use]
     pub const fn has_instance(self) -> bool {
@@ -57,17 +45,8 @@ impl BlockKind {
 
     /// The kind of a repr value, as it comes over a plugin's table.
     #[must_use]
-    pub const fn from_repr(value: u8) -> Option<Self> {
-        Some(match value {
-            0 => BlockKind::Ob,
-            1 => BlockKind::Fb,
-            2 => BlockKind::Fc,
-            3 => BlockKind::Sfb,
-            4 => BlockKind::Sfc,
-            5 => BlockKind::Db,
-            6 => BlockKind::Sdb,
-            _ => return None,
-        })
+    pub fn from_repr(value: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(value)).copied()
     }
 }
 

@@ -2,27 +2,25 @@
 
 use crate::bcd::{from_bcd, to_bcd};
 
-/// The five S5 timers, by their German mnemonics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum TimerKind {
-    /// `SI` / `SP`: pulse.
-    Pulse,
-    /// `SV` / `SE`: extended pulse.
-    ExtendedPulse,
-    /// `SE` / `SD`: on-delay.
-    OnDelay,
-    /// `SS` / `SS`: retentive on-delay.
-    RetentiveOnDelay,
-    /// `SA` / `SF`: off-delay.
-    OffDelay,
+named! {
+    /// The five S5 timers, by their German mnemonics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[repr(u8)]
+    pub enum TimerKind {
+        /// `SP` in the international set: pulse.
+        Pulse = "SI",
+        /// `SE` in the international set: extended pulse.
+        ExtendedPulse = "SV",
+        /// `SD` in the international set: on-delay.
+        OnDelay = "SE",
+        /// Retentive on-delay.
+        RetentiveOnDelay = "SS",
+        /// `SF` in the international set: off-delay.
+        OffDelay = "SA",
+    }
 }
 
 impl TimerKind {
-    /// Every kind, each at the place of its number.
-    pub const ALL: [Self; 5] =
-        [Self::Pulse, Self::ExtendedPulse, Self::OnDelay, Self::RetentiveOnDelay, Self::OffDelay];
-
     /// The kind of a repr value, as it comes over the plugin interface.
     #[must_use]
     pub fn from_repr(value: u8) -> Option<Self> {

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
 
 use ob1_ir::{Number, Op, Program, Symbol, Target};
-use ob1_model::{BlockId, Interface};
+use ob1_model::{BlockId, Interface, named};
 
 use crate::library::Library;
 use crate::words::Words;
@@ -24,37 +24,26 @@ pub use extent::Match;
 pub use query::Unknown;
 pub use text::{address_in_set, in_set, render_xref};
 
-/// What a statement does to an operand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Access {
-    /// It reads the operand.
-    Read,
-    /// It writes the operand.
-    Write,
-    /// Both: edge bits, in/outs, parameters of blocks that are not known.
-    ReadWrite,
-    /// It calls the block.
-    Call,
-    /// It opens the data block, or runs a function block on it.
-    Open,
-    /// It loads a pointer to it.
-    Point,
+named! {
+    /// What a statement does to an operand.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Access {
+        /// It reads the operand.
+        Read = "R",
+        /// It writes the operand.
+        Write = "W",
+        /// Both: edge bits, in/outs, parameters of blocks that are not known.
+        ReadWrite = "RW",
+        /// It calls the block.
+        Call = "call",
+        /// It opens the data block, or runs a function block on it.
+        Open = "open",
+        /// It loads a pointer to it.
+        Point = "ptr",
+    }
 }
 
 impl Access {
-    /// `R`, `W`, `RW`, `call`, `open`, `ptr`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Access::Read => "R",
-            Access::Write => "W",
-            Access::ReadWrite => "RW",
-            Access::Call => "call",
-            Access::Open => "open",
-            Access::Point => "ptr",
-        }
-    }
-
     /// Whether it may read and whether it may write.
     const fn does(self) -> [bool; 2] {
         match self {
