@@ -5,7 +5,7 @@
 //! running, then its end, or piece by piece the received data. A box of the CP is valid only if it has the number of
 //! the job that the CPU shows.
 
-use crate::codes::codes;
+use crate::codes;
 
 /// Boxes of a module.
 pub const BOXES: usize = 64;

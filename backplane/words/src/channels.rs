@@ -1,6 +1,6 @@
 //! CP 340 and CP 341: the two channels, and the additional registers (docs/cp341-channels.md).
 
-use crate::codes::codes;
+use crate::codes;
 
 /// Bytes of a block.
 pub const BLOCK_BYTES: usize = 64;

@@ -1,6 +1,6 @@
 //! Why a CP does nothing, or fails: the content of `cp.reason` in its segment (docs/backplane.md).
 
-use crate::codes::codes;
+use crate::codes;
 
 codes! {
     /// What a CP waits for, or what has failed.

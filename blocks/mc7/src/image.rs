@@ -172,7 +172,7 @@ fn declared(components: &[Component]) -> Interface {
     Interface { params, ..Interface::default() }
 }
 
-const fn head(id: BlockId, language: u8) -> BlockHead {
+fn head(id: BlockId, language: u8) -> BlockHead {
     BlockHead {
         version: VERSION,
         attribute: LINKED,

@@ -3,8 +3,11 @@
 
 use m_bus_application_layer::value_information::{Unit as CrateUnit, UnitName, ValueLabel};
 
+/// Declares an enum from a row for each value: its number, and what the library calls so.
 macro_rules! numbered {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $number:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident of $from:ty, by $library:ident {
+        $($(#[$variant_doc:meta])* $variant:ident = $number:literal $(: $pattern:pat)?,)*
+    }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(i16)]
@@ -15,261 +18,193 @@ macro_rules! numbered {
         impl $name {
             /// All of them, by rising number.
             pub const ALL: &'static [Self] = &[$(Self::$variant),*];
+
+            fn named(from: $from) -> Option<Self> {
+                use $library::*;
+                match from {
+                    $($($pattern => Some(Self::$variant),)?)*
+                    _ => None,
+                }
+            }
         }
     };
 }
 
 numbered! {
     /// The measured quantity, from the VIF.
-    Quantity {
+    Quantity of ValueLabel, by ValueLabel {
         /// Another quantity: see the VIF.
         Other = 0,
         /// Energy: heat, cold or electricity.
-        Energy = 1,
+        Energy = 1: Energy,
         /// Volume of what has flowed.
-        Volume = 2,
+        Volume = 2: Volume,
         /// Mass of what has flowed.
-        Mass = 3,
+        Mass = 3: Mass,
         /// Time the meter has been on.
-        OnTime = 4,
+        OnTime = 4: OnTime,
         /// Time the meter has been operating.
-        OperatingTime = 5,
+        OperatingTime = 5: OperatingTime,
         /// Power at the moment of the record.
-        Power = 6,
+        Power = 6: Power,
         /// Volume flow, volume for each unit of time.
-        VolumeFlow = 7,
+        VolumeFlow = 7: VolumeFlow,
         /// Mass flow, mass for each unit of time.
-        MassFlow = 8,
+        MassFlow = 8: MassFlow,
         /// Flow temperature: of the medium that comes to the consumer.
-        FlowTemperature = 9,
+        FlowTemperature = 9: FlowTemperature,
         /// Return temperature: of the medium that leaves the consumer.
-        ReturnTemperature = 10,
+        ReturnTemperature = 10: ReturnTemperature,
         /// Difference of flow and return temperature.
-        TemperatureDifference = 11,
+        TemperatureDifference = 11: TemperatureDifference,
         /// Temperature outside the meter's medium.
-        ExternalTemperature = 12,
+        ExternalTemperature = 12: ExternalTemperature,
         /// Pressure of the medium.
-        Pressure = 13,
+        Pressure = 13: Pressure,
         /// A point in time.
-        TimePoint = 14,
+        TimePoint = 14: Date | DateTime | DateTimeWithSeconds | Time,
         /// Units of a heat cost allocator.
-        HeatCost = 15,
+        HeatCost = 15: DimensionlessHCA,
         /// Time over which the meter averages.
-        AveragingDuration = 16,
+        AveragingDuration = 16: AveragingDuration,
         /// Age of the values.
-        ActualityDuration = 17,
+        ActualityDuration = 17: ActualityDuration,
         /// Fabrication number of the meter.
-        FabricationNumber = 18,
+        FabricationNumber = 18: FabricationNumber,
         /// Identification number of the meter.
-        Identification = 19,
+        Identification = 19: EnhancedIdentification,
         /// Voltage of the supply that is measured.
-        Voltage = 20,
+        Voltage = 20: Voltage,
         /// Current of the supply that is measured.
-        Current = 21,
+        Current = 21: Current,
         /// Frequency of the supply that is measured.
-        Frequency = 22,
+        Frequency = 22: Frequency,
         /// Relative humidity of the air.
-        Humidity = 23,
+        Humidity = 23: RelativeHumidity,
         /// Error flags, bit by bit.
-        ErrorFlags = 24,
+        ErrorFlags = 24: ErrorFlags,
         /// Digital inputs, bit by bit.
-        DigitalInput = 25,
+        DigitalInput = 25: DigitalInput,
         /// Digital outputs, bit by bit.
-        DigitalOutput = 26,
+        DigitalOutput = 26: DigitalOutput,
         /// Version of the firmware.
-        FirmwareVersion = 27,
+        FirmwareVersion = 27: MetrologyFirmwareVersion,
         /// Version of other software.
-        SoftwareVersion = 28,
+        SoftwareVersion = 28: OtherSoftwareVersion,
         /// Version of the hardware.
-        HardwareVersion = 29,
+        HardwareVersion = 29: HardwareVersion,
         /// Model or version of the meter, as a code or text.
-        Model = 30,
+        Model = 30: ModelOrVersion,
         /// Customer or location of the meter.
-        Customer = 31,
+        Customer = 31: Customer | CustomerLocation,
         /// Operating time or remaining life of the battery.
-        Battery = 32,
+        Battery = 32: OperatingTimeBattery | RemainingBatteryLifeTime,
         /// A number without a unit.
-        Dimensionless = 33,
+        Dimensionless = 33: Dimensionless,
         /// Reactive energy of an alternating current.
-        ReactiveEnergy = 34,
+        ReactiveEnergy = 34: ReactiveEnergy,
         /// Apparent energy of an alternating current.
-        ApparentEnergy = 35,
+        ApparentEnergy = 35: ApparentEnergy,
         /// Reactive power of an alternating current.
-        ReactivePower = 36,
+        ReactivePower = 36: ReactivePower,
         /// Apparent power of an alternating current.
-        ApparentPower = 37,
+        ApparentPower = 37: ApparentPower,
         /// How often the meter was reset.
-        ResetCounter = 38,
+        ResetCounter = 38: ResetCounter,
         /// Manufacturer-specific: the manufacturer's documents say what.
-        Manufacturer = 39,
+        Manufacturer = 39: ManufacturerSpecific,
     }
 }
 
 numbered! {
     /// The unit of the value.
-    Unit {
+    Unit of &[(UnitName, i32)], by UnitName {
         /// No unit, or another unit.
         None = 0,
         /// Watt-hour, Wh: unit of energy.
-        WattHour = 1,
+        WattHour = 1: [(Watt, 1), (Hour, 1)],
         /// Joule, J: unit of energy.
-        Joule = 2,
+        Joule = 2: [(Joul, 1)],
         /// Cubic metre, m3 (volume).
-        CubicMetre = 3,
+        CubicMetre = 3: [(Meter, 3)],
         /// Kilogram, kg: unit of mass.
-        Kilogram = 4,
+        Kilogram = 4: [(Kilogram, 1)],
         /// Second, s: unit of time.
-        Second = 5,
+        Second = 5: [(Second, 1)],
         /// Minute, min: unit of time.
-        Minute = 6,
+        Minute = 6: [(Minute, 1)],
         /// Hour, h: unit of time.
-        Hour = 7,
+        Hour = 7: [(Hour, 1)],
         /// Day, d: unit of time.
-        Day = 8,
+        Day = 8: [(Day, 1)],
         /// Month of the calendar: unit of time.
-        Month = 9,
+        Month = 9: [(Month, 1)],
         /// Year of the calendar: unit of time.
-        Year = 10,
+        Year = 10: [(Year, 1)],
         /// Watt, W: unit of power.
-        Watt = 11,
+        Watt = 11: [(Watt, 1)],
         /// Joule per hour, J/h (power).
-        JoulePerHour = 12,
+        JoulePerHour = 12: [(Joul, 1), (Hour, -1)],
         /// Cubic metre per hour, m3/h (volume flow).
-        CubicMetrePerHour = 13,
+        CubicMetrePerHour = 13: [(Meter, 3), (Hour, -1)],
         /// Cubic metre per minute, m3/min (volume flow).
-        CubicMetrePerMinute = 14,
+        CubicMetrePerMinute = 14: [(Meter, 3), (Minute, -1)],
         /// Cubic metre per second, m3/s (volume flow).
-        CubicMetrePerSecond = 15,
+        CubicMetrePerSecond = 15: [(Meter, 3), (Second, -1)],
         /// Kilogram per hour, kg/h (mass flow).
-        KilogramPerHour = 16,
+        KilogramPerHour = 16: [(Kilogram, 1), (Hour, -1)],
         /// Degree Celsius: unit of temperature.
-        Celsius = 17,
+        Celsius = 17: [(Celsius, 1)],
         /// Kelvin, K (temperature difference).
-        Kelvin = 18,
+        Kelvin = 18: [(Kelvin, 1)],
         /// Bar, 100 000 Pa (pressure).
-        Bar = 19,
+        Bar = 19: [(Bar, 1)],
         /// Volt, V: unit of voltage.
-        Volt = 20,
+        Volt = 20: [(Volt, 1)],
         /// Ampere, A: unit of current.
-        Ampere = 21,
+        Ampere = 21: [(Ampere, 1)],
         /// Hertz, Hz: unit of frequency.
-        Hertz = 22,
+        Hertz = 22: [(Hertz, 1)],
         /// Per cent, % (relative humidity).
-        Percent = 23,
+        Percent = 23: [(Percent, 1)],
         /// Degree of an angle, 1/360 of a circle.
-        Degree = 24,
+        Degree = 24: [(Degree, 1)],
         /// Volt-ampere-hour reactive, varh (reactive energy).
-        VarHour = 25,
+        VarHour = 25: [(ReactiveWatt, 1), (Hour, 1)],
         /// Volt-ampere-hour, VAh (apparent energy).
-        VoltAmpereHour = 26,
+        VoltAmpereHour = 26: [(ApparentWatt, 1), (Hour, 1)],
         /// Volt-ampere reactive, var (reactive power).
-        Var = 27,
+        Var = 27: [(ReactiveWatt, 1)],
         /// Volt-ampere, VA (apparent power).
-        VoltAmpere = 28,
+        VoltAmpere = 28: [(ApparentWatt, 1)],
         /// Tonne, t, 1000 kg (mass).
-        Tonne = 29,
+        Tonne = 29: [(Tonne, 1)],
         /// Degree Fahrenheit: unit of temperature.
-        Fahrenheit = 30,
+        Fahrenheit = 30: [(Fahrenheit, 1)],
         /// Cubic feet (volume; 0.0283 m3 each).
-        CubicFoot = 31,
+        CubicFoot = 31: [(Feet, 3)],
         /// US gallons (volume; 3.785 l each).
-        Gallon = 32,
+        Gallon = 32: [(AmericanGallon, 1)],
     }
 }
 
 impl Quantity {
     /// The first label that has a number in this list.
     pub(crate) fn of(mut labels: impl Iterator<Item = ValueLabel>) -> Self {
-        labels.find_map(Self::from_label).unwrap_or(Self::Other)
-    }
-
-    fn from_label(label: ValueLabel) -> Option<Self> {
-        use ValueLabel as L;
-        Some(match label {
-            L::Energy => Self::Energy,
-            L::Volume => Self::Volume,
-            L::Mass => Self::Mass,
-            L::OnTime => Self::OnTime,
-            L::OperatingTime => Self::OperatingTime,
-            L::Power => Self::Power,
-            L::VolumeFlow => Self::VolumeFlow,
-            L::MassFlow => Self::MassFlow,
-            L::FlowTemperature => Self::FlowTemperature,
-            L::ReturnTemperature => Self::ReturnTemperature,
-            L::TemperatureDifference => Self::TemperatureDifference,
-            L::ExternalTemperature => Self::ExternalTemperature,
-            L::Pressure => Self::Pressure,
-            L::Date | L::DateTime | L::DateTimeWithSeconds | L::Time => Self::TimePoint,
-            L::DimensionlessHCA => Self::HeatCost,
-            L::AveragingDuration => Self::AveragingDuration,
-            L::ActualityDuration => Self::ActualityDuration,
-            L::FabricationNumber => Self::FabricationNumber,
-            L::EnhancedIdentification => Self::Identification,
-            L::Voltage => Self::Voltage,
-            L::Current => Self::Current,
-            L::Frequency => Self::Frequency,
-            L::RelativeHumidity => Self::Humidity,
-            L::ErrorFlags => Self::ErrorFlags,
-            L::DigitalInput => Self::DigitalInput,
-            L::DigitalOutput => Self::DigitalOutput,
-            L::MetrologyFirmwareVersion => Self::FirmwareVersion,
-            L::OtherSoftwareVersion => Self::SoftwareVersion,
-            L::HardwareVersion => Self::HardwareVersion,
-            L::ModelOrVersion => Self::Model,
-            L::Customer | L::CustomerLocation => Self::Customer,
-            L::OperatingTimeBattery | L::RemainingBatteryLifeTime => Self::Battery,
-            L::Dimensionless => Self::Dimensionless,
-            L::ReactiveEnergy => Self::ReactiveEnergy,
-            L::ApparentEnergy => Self::ApparentEnergy,
-            L::ReactivePower => Self::ReactivePower,
-            L::ApparentPower => Self::ApparentPower,
-            L::ResetCounter => Self::ResetCounter,
-            L::ManufacturerSpecific => Self::Manufacturer,
-            _ => return None,
-        })
+        labels.find_map(Self::named).unwrap_or(Self::Other)
     }
 }
 
 impl Unit {
     /// The unit for a product of powers.
-    pub(crate) fn of(mut units: impl Iterator<Item = CrateUnit>) -> Self {
-        use UnitName as N;
-        let power = |unit: Option<CrateUnit>| unit.map(|unit| (unit.name, unit.exponent));
-        match (power(units.next()), power(units.next())) {
-            (Some((N::Watt, 1)), Some((N::Hour, 1))) => Self::WattHour,
-            (Some((N::ReactiveWatt, 1)), Some((N::Hour, 1))) => Self::VarHour,
-            (Some((N::ApparentWatt, 1)), Some((N::Hour, 1))) => Self::VoltAmpereHour,
-            (Some((N::Joul, 1)), Some((N::Hour, -1))) => Self::JoulePerHour,
-            (Some((N::Meter, 3)), Some((N::Hour, -1))) => Self::CubicMetrePerHour,
-            (Some((N::Meter, 3)), Some((N::Minute, -1))) => Self::CubicMetrePerMinute,
-            (Some((N::Meter, 3)), Some((N::Second, -1))) => Self::CubicMetrePerSecond,
-            (Some((N::Kilogram, 1)), Some((N::Hour, -1))) => Self::KilogramPerHour,
-            (Some((N::Watt, 1)), None) => Self::Watt,
-            (Some((N::ReactiveWatt, 1)), None) => Self::Var,
-            (Some((N::ApparentWatt, 1)), None) => Self::VoltAmpere,
-            (Some((N::Joul, 1)), None) => Self::Joule,
-            (Some((N::Meter, 3)), None) => Self::CubicMetre,
-            (Some((N::Feet, 3)), None) => Self::CubicFoot,
-            (Some((N::Kilogram, 1)), None) => Self::Kilogram,
-            (Some((N::Tonne, 1)), None) => Self::Tonne,
-            (Some((N::Second, 1)), None) => Self::Second,
-            (Some((N::Minute, 1)), None) => Self::Minute,
-            (Some((N::Hour, 1)), None) => Self::Hour,
-            (Some((N::Day, 1)), None) => Self::Day,
-            (Some((N::Month, 1)), None) => Self::Month,
-            (Some((N::Year, 1)), None) => Self::Year,
-            (Some((N::Celsius, 1)), None) => Self::Celsius,
-            (Some((N::Kelvin, 1)), None) => Self::Kelvin,
-            (Some((N::Fahrenheit, 1)), None) => Self::Fahrenheit,
-            (Some((N::Bar, 1)), None) => Self::Bar,
-            (Some((N::Volt, 1)), None) => Self::Volt,
-            (Some((N::Ampere, 1)), None) => Self::Ampere,
-            (Some((N::Hertz, 1)), None) => Self::Hertz,
-            (Some((N::Percent, 1)), None) => Self::Percent,
-            (Some((N::Degree, 1)), None) => Self::Degree,
-            (Some((N::AmericanGallon, 1)), None) => Self::Gallon,
-            _ => Self::None,
+    pub(crate) fn of(units: impl Iterator<Item = CrateUnit>) -> Self {
+        let mut powers = units.map(|unit| (unit.name, unit.exponent));
+        match (powers.next(), powers.next()) {
+            (Some(first), Some(second)) => Self::named(&[first, second]),
+            (Some(only), None) => Self::named(&[only]),
+            _ => None,
         }
+        .unwrap_or(Self::None)
     }
 }
 

@@ -48,8 +48,8 @@ pub fn run(data: &[u8]) {
         flow,
         ..defaults::stx_etx(MS)
     };
-    let whole = receive(&mut StxEtx::<1024>::new(config.clone()), data, usize::MAX, room);
-    assert_eq!(whole, receive(&mut StxEtx::<1024>::new(config), data, 1, room));
+    let whole = receive(&mut StxEtx::<1024>::new(&config), data, usize::MAX, room);
+    assert_eq!(whole, receive(&mut StxEtx::<1024>::new(&config), data, 1, room));
     let criterion = if setup & 0x80 == 0 { Criterion::Silence } else { Criterion::Fragments };
     let config = ascii::Config { criterion, flow, ..defaults::ascii(MS) };
     whole_and_piecewise(config, data, room);
@@ -81,8 +81,8 @@ fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
 }
 
 fn whole_and_piecewise(config: ascii::Config, data: &[u8], room: usize) -> Vec<Vec<u8>> {
-    let whole = receive(&mut Ascii::<1024>::new(config.clone()), data, usize::MAX, room);
-    assert_eq!(whole, receive(&mut Ascii::<1024>::new(config), data, 1, room));
+    let whole = receive(&mut Ascii::<1024>::new(&config), data, usize::MAX, room);
+    assert_eq!(whole, receive(&mut Ascii::<1024>::new(&config), data, 1, room));
     whole
 }
 

@@ -11,7 +11,7 @@ fn config() -> Config {
 }
 
 fn run(config: Config, table: &str) {
-    check(&mut Ascii::<1024>::new(config), table);
+    check(&mut Ascii::<1024>::new(&config), table);
 }
 
 /// [S0 "ASCII"]: done when the data have been transferred and ZNA has expired.

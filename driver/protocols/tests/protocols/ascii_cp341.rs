@@ -27,7 +27,7 @@ fn two() -> Config {
 }
 
 fn run(config: Config, table: &str) {
-    check(&mut Ascii::<1024>::new(config), table);
+    check(&mut Ascii::<1024>::new(&config), table);
 }
 
 /// The end characters belong to the telegram, which is delivered at once.

@@ -79,7 +79,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
             burst: Vec::new(),
             taken: 0,
         };
-        let partners = [(Ascii::new(config.clone()), judge()), (Ascii::new(config.clone()), judge())];
+        let partners = [(Ascii::new(&config), judge()), (Ascii::new(&config), judge())];
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 10 }
     }
 

@@ -79,7 +79,7 @@ impl Duet for Pair {
             tmo,
             raw: Vec::new(),
         };
-        let partners = [(StxEtx::new(config.clone()), judge()), (StxEtx::new(config.clone()), judge())];
+        let partners = [(StxEtx::new(&config), judge()), (StxEtx::new(&config), judge())];
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 10 }
     }
 

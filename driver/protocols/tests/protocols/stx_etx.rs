@@ -17,7 +17,7 @@ fn braces(start: u8, end: u8) -> Config {
 }
 
 fn run(config: Config, table: &str) {
-    check(&mut StxEtx::<1024>::new(config), table);
+    check(&mut StxEtx::<1024>::new(&config), table);
 }
 
 /// [S0 "STX/ETX"]: the CP encloses the user data with STX and ETX. [S0 "Time delay after command (ZNA)"]
