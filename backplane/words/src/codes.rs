@@ -15,7 +15,6 @@ macro_rules! codes {
             pub const ALL: [Self; [$($value),*].len()] = [$(Self::$variant),*];
 
             /// The value of this byte; `None` for one that has no meaning.
-            #[must_use]
             pub const fn of(byte: u8) -> Option<Self> {
                 match byte { $($value => Some(Self::$variant),)* _ => None }
             }

@@ -44,7 +44,6 @@ impl Reason {
     pub const COUNT_MAX: u32 = 0xFFF;
 
     /// A state: something that does not count.
-    #[must_use]
     pub const fn state(why: Why, number: u16) -> Self {
         Self { why, number, count: 0 }
     }

@@ -213,7 +213,6 @@ impl Op {
     pub const BUILDS: std::ops::RangeInclusive<u8> = 100..=103;
 
     /// `BLD n`: a mark of a graphical network, or no operation.
-    #[must_use]
     pub fn build(number: u8) -> Self {
         if Self::BUILDS.contains(&number) { Op::Build(number) } else { Op::Nop }
     }

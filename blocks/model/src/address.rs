@@ -28,7 +28,6 @@ named! {
 
 impl Area {
     /// The area code in a `P#` pointer (bits 24 to 31), as the STL reference lists them.
-    #[must_use]
     pub const fn pointer_code(self) -> u8 {
         match self {
             Area::Peripheral => 0x80,
@@ -43,7 +42,6 @@ impl Area {
     }
 
     /// The area a pointer code names, or `None` for a code that names none.
-    #[must_use]
     pub const fn from_pointer_code(code: u8) -> Option<Self> {
         Some(match code {
             0x80 => Area::Peripheral,
@@ -68,31 +66,26 @@ impl BitAddr {
     pub const MAX_BYTE: u32 = 65_535;
 
     /// The address `byte.bit`; `bit` counts from 0 to 7.
-    #[must_use]
     pub const fn new(byte: u32, bit: u8) -> Self {
         Self(byte * 8 + (bit & 7) as u32)
     }
 
     /// The address of a whole byte.
-    #[must_use]
     pub const fn byte_addr(byte: u32) -> Self {
         Self(byte * 8)
     }
 
     /// The address in a pointer of 32 bits, whose highest byte is its area.
-    #[must_use]
     pub const fn of_pointer(pointer: u32) -> Self {
         Self(pointer & 0x7_FFFF)
     }
 
     /// The byte part of the address.
-    #[must_use]
     pub const fn byte(self) -> u32 {
         self.0 / 8
     }
 
     /// The bit part, 0 to 7.
-    #[must_use]
     pub const fn bit(self) -> u8 {
         (self.0 % 8) as u8
     }

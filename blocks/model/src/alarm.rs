@@ -13,7 +13,6 @@ pub const ALARM_ORDERS: usize = 256;
 pub const DISPLAY_NAME: usize = 32;
 
 /// A message number as a person reads it.
-#[must_use]
 pub fn alarm_number(id: u32) -> String {
     format!("DW#16#{id:08X}")
 }
@@ -46,7 +45,6 @@ named! {
 
 impl AlarmKind {
     /// Number of the SFC or SFB.
-    #[must_use]
     pub const fn number(self) -> u16 {
         match self {
             Self::AlarmSq => 17,
@@ -62,13 +60,11 @@ impl AlarmKind {
     }
 
     /// A function (SFC), not a function block with an instance (SFB).
-    #[must_use]
     pub const fn is_function(self) -> bool {
         matches!(self, Self::AlarmSq | Self::AlarmS | Self::AlarmDq | Self::AlarmD)
     }
 
     /// The bits of its signals: SIG or SIG_1 is bit 0.
-    #[must_use]
     pub const fn signals(self) -> u8 {
         match self {
             Self::Notify8p | Self::Alarm8 | Self::Alarm8p => 0xFF,
@@ -77,7 +73,6 @@ impl AlarmKind {
     }
 
     /// Whether the coming and the going of a signal are to be acknowledged.
-    #[must_use]
     pub const fn acknowledged(self) -> (bool, bool) {
         match self {
             Self::AlarmSq | Self::AlarmDq => (true, false),
@@ -87,7 +82,6 @@ impl AlarmKind {
     }
 
     /// What a display has logged on for to get it.
-    #[must_use]
     pub const fn display(self) -> u8 {
         if self.is_function() { Displays::FUNCTIONS } else { Displays::BLOCKS }
     }
@@ -108,7 +102,6 @@ impl Displays {
     pub const ALARMS: u8 = Self::BLOCKS | Self::FUNCTIONS;
 
     /// Whether one of these is wanted.
-    #[must_use]
     pub const fn want(self, bits: u8) -> bool {
         self.0 & bits != 0
     }
@@ -160,7 +153,6 @@ impl AlarmValues {
     }
 
     /// How many there are.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.count as usize
     }
@@ -201,13 +193,11 @@ pub struct AlarmState {
 
 impl AlarmState {
     /// Whether a signal is 1.
-    #[must_use]
     pub const fn is_active(&self) -> bool {
         self.signals != 0
     }
 
     /// Whether a coming or a going waits for its acknowledgement.
-    #[must_use]
     pub const fn is_open(&self) -> bool {
         let signals = self.kind.signals();
         self.coming & signals != signals || self.going & signals != signals
@@ -320,7 +310,6 @@ pub enum AlarmOrder {
 
 impl AlarmOrder {
     /// It in words for a record, as `acknowledge alarm DW#16#60000001`; nothing for a query, which changes nothing.
-    #[must_use]
     pub fn words(&self) -> Option<String> {
         let (what, ids): (_, Vec<String>) = match self {
             Self::Query(_) => return None,
@@ -332,7 +321,6 @@ impl AlarmOrder {
     }
 
     /// How many message numbers it names.
-    #[must_use]
     pub const fn len(&self) -> usize {
         match self {
             Self::Query(_) => 0,
@@ -342,7 +330,6 @@ impl AlarmOrder {
     }
 
     /// Whether it names none.
-    #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }

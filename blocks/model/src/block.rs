@@ -26,25 +26,21 @@ named! {
 
 impl BlockKind {
     /// True for blocks that run on an instance data block.
-    #[must_use]
     pub const fn has_instance(self) -> bool {
         matches!(self, BlockKind::Fb | BlockKind::Sfb)
     }
 
     /// True for functions, which find references to their parameters: a list of pointers follows their calls.
-    #[must_use]
     pub const fn is_function(self) -> bool {
         matches!(self, BlockKind::Fc | BlockKind::Sfc)
     }
 
     /// True for blocks of the CPU itself, which no program has.
-    #[must_use]
     pub const fn is_system(self) -> bool {
         matches!(self, BlockKind::Sfb | BlockKind::Sfc)
     }
 
     /// The kind of a repr value, as it comes over a plugin's table.
-    #[must_use]
     pub fn from_repr(value: u8) -> Option<Self> {
         Self::ALL.get(usize::from(value)).copied()
     }
@@ -61,13 +57,11 @@ pub struct BlockId {
 
 impl BlockId {
     /// The block with this kind and number.
-    #[must_use]
     pub const fn new(kind: BlockKind, number: u16) -> Self {
         Self { kind, number }
     }
 
     /// `FC 0`, `fb60`, `DB 10`, with or without blanks. `None`: it is no block that a program has or calls.
-    #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         const KINDS: [BlockKind; 6] =
             [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Sfb, BlockKind::Sfc, BlockKind::Db];
@@ -80,7 +74,6 @@ impl BlockId {
 
 /// True for the number of an organization block that an S7-300 or S7-400 has; the operating system calls no others.
 /// ["Organization Blocks" of the system software reference]
-#[must_use]
 pub const fn is_organization_block(number: u16) -> bool {
     matches!(
         number,

@@ -42,7 +42,6 @@ macro_rules! faults {
             pub const ALL: [Self; [$($number),*].len()] = [$(Self::$name),*];
 
             /// The fault of an event number, as a plugin raises it.
-            #[must_use]
             pub const fn from_number(number: u16) -> Option<Self> {
                 match number { $($number => Some(Self::$name),)* _ => None }
             }
@@ -111,13 +110,11 @@ faults! {
 
 impl FaultKind {
     /// The event number, such as 2522h.
-    #[must_use]
     pub const fn number(self) -> u16 {
         self as u16
     }
 
     /// The organization block that handles it: 121 or 122.
-    #[must_use]
     pub const fn ob(self) -> u16 {
         match self {
             FaultKind::PeripheralRead | FaultKind::PeripheralWrite => 122,
@@ -146,7 +143,6 @@ pub struct Access(u8);
 
 impl Access {
     /// An access of so many bits; above 16 it counts as a double word.
-    #[must_use]
     pub const fn new(area: Area, bits: u32) -> Self {
         let width = match bits {
             ..=1 => 0,
@@ -158,7 +154,6 @@ impl Access {
     }
 
     /// The byte of the start information.
-    #[must_use]
     pub const fn code(self) -> u8 {
         self.0
     }
@@ -166,13 +161,11 @@ impl Access {
 
 impl Fault {
     /// A fault about `number`.
-    #[must_use]
     pub const fn new(kind: FaultKind, number: u32) -> Self {
         Self { kind, access: None, number }
     }
 
     /// A fault of an access to `bits` bits at a byte of an area.
-    #[must_use]
     pub const fn at(kind: FaultKind, area: Area, bits: u32, byte: u32) -> Self {
         Self { kind, access: Some(Access::new(area, bits)), number: byte }
     }
@@ -180,7 +173,6 @@ impl Fault {
     /// The word of OB 121's and OB 122's start information that tells what was wrong (OB121_FLT_REG, OB122_MEM_ADDR): a
     /// byte address, the illegal area, the number of a timer, counter or block; of a BCD conversion the register, which
     /// is accumulator 1: 0.
-    #[must_use]
     pub const fn source(&self) -> u16 {
         match self.kind {
             FaultKind::BcdConversion => 0,
@@ -203,7 +195,6 @@ macro_rules! events {
             pub const ALL: [Self; [$($number),*].len()] = [$(Self::$name),*];
 
             /// The text of the event, without its place.
-            #[must_use]
             pub const fn text(self) -> &'static str {
                 match (self.0, FaultKind::from_number(self.0)) {
                     $(($number, _) => $text,)*

@@ -19,7 +19,6 @@ pub enum StateChange {
 
 impl Event {
     /// How the operating state changes with this event, if it does: the one table of what counts as a fault.
-    #[must_use]
     pub const fn state_change(self) -> Option<StateChange> {
         Some(match self {
             Event::STARTUP => StateChange::Startup,
@@ -42,7 +41,6 @@ impl Event {
     }
 
     /// What helps; empty where nothing has to be done.
-    #[must_use]
     pub fn remedy(self) -> &'static str {
         if let Some(kind) = FaultKind::from_number(self.0) {
             return kind.remedy();
@@ -146,7 +144,6 @@ impl Event {
 
 impl FaultKind {
     /// What the number of such a fault counts: `DB 77`, `byte 260`; empty: nothing.
-    #[must_use]
     pub const fn counts(self) -> &'static str {
         match self {
             FaultKind::BcdConversion | FaultKind::NestingDepth => "",
@@ -171,7 +168,6 @@ impl FaultKind {
     }
 
     /// What helps against it, as a sentence for the user.
-    #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {
             FaultKind::BcdConversion => "Check the value before BTI, BTD or ITB: each digit must be 0 to 9.",

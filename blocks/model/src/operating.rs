@@ -19,13 +19,11 @@ named! {
 
 impl OperatingState {
     /// As a number: 0 STOP, 1 STARTUP, 2 RUN, 3 HOLD.
-    #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
     /// The state with that number; any other is RUN.
-    #[must_use]
     pub const fn of(number: u64) -> Self {
         match number {
             0 => Self::Stop,
@@ -63,7 +61,6 @@ impl Command {
     pub const ALL: [Self; 7] = [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
 
     /// The word for it on a command line, on the socket of a station and in the web page's requests.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -77,7 +74,6 @@ impl Command {
     }
 
     /// The command with that word.
-    #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|command| command.word() == word)
     }

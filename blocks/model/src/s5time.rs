@@ -22,7 +22,6 @@ named! {
 
 impl TimerKind {
     /// The kind of a repr value, as it comes over the plugin interface.
-    #[must_use]
     pub fn from_repr(value: u8) -> Option<Self> {
         Self::ALL.get(usize::from(value)).copied()
     }
@@ -40,7 +39,6 @@ impl S5Time {
 
     /// The S5TIME nearest below `ms` with the finest base that holds it, as STEP 7 rounds `S5T#` constants.
     /// `None` above 2h46m30s.
-    #[must_use]
     pub fn from_ms(ms: u32) -> Option<Self> {
         // The coarsest base would take up to ten seconds more, rounded down.
         if ms > Self::MAX_MS {
@@ -51,19 +49,16 @@ impl S5Time {
     }
 
     /// The time in milliseconds; `None` when a digit is no BCD digit.
-    #[must_use]
     pub fn to_ms(self) -> Option<u32> {
         Some(self.digits()? * self.base_ms())
     }
 
     /// The time base in milliseconds.
-    #[must_use]
     pub const fn base_ms(self) -> u32 {
         BASE_MS[(self.0 >> 12 & 3) as usize]
     }
 
     /// The three BCD digits as a number; `None` when a digit is no BCD digit.
-    #[must_use]
     pub const fn digits(self) -> Option<u32> {
         from_bcd(self.0 as u32 & 0x0FFF)
     }

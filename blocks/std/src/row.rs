@@ -39,7 +39,6 @@ named! {
 
 impl Origin {
     /// The plugin that serves its blocks, as a station file names it; none: the CPU does.
-    #[must_use]
     pub const fn plugin(self) -> Option<&'static str> {
         match self {
             Origin::System | Origin::Iec | Origin::TiS7 | Origin::Pid => None,
@@ -53,7 +52,6 @@ impl Origin {
     }
 
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
-    #[must_use]
     pub const fn is_declared_only(self) -> bool {
         self.plugin().is_some()
     }
@@ -137,7 +135,6 @@ impl StandardBlock {
     }
 
     /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.
-    #[must_use]
     pub fn key(&self) -> String {
         format!("{}:{}{}", self.origin.name(), self.id.kind.name(), self.id.number)
     }

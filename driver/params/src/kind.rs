@@ -97,7 +97,6 @@ impl CpKind {
     ];
 
     /// The properties of this type.
-    #[must_use]
     pub fn row(self) -> &'static CpRow {
         const TABLE: &[CpRow] = &CpKind::TABLE;
         match TABLE.iter().find(|row| row.kind == self) {
@@ -108,13 +107,11 @@ impl CpKind {
     }
 
     /// The type of this name in the station file.
-    #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         Self::TABLE.iter().find(|row| row.name == name).map(|row| row.kind)
     }
 
     /// Its name in the station file.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.row().name
     }

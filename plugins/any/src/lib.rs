@@ -94,7 +94,6 @@ pub mod status {
     const NO_DB: u16 = 0x8F3A;
 
     /// STATUS for memory that cannot be read or written; `outside` is the STATUS for an area that exceeds it.
-    #[must_use]
     pub fn of_memory(refused: Refused, outside: u16) -> u16 {
         match refused {
             Refused::NoDb => NO_DB,

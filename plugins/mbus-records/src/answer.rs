@@ -73,7 +73,6 @@ impl<'a> Answer<'a> {
     }
 
     /// The records in their order; a malformed record is the last.
-    #[must_use]
     pub fn records(&self) -> Records<'a> {
         Records { fixed: (self.header.ci == FIXED).then_some(0), fields: self.fields, at: self.at, more: false }
     }
@@ -98,7 +97,6 @@ pub struct Records<'a> {
 
 impl Records<'_> {
     /// Whether the meter has more records than fit into one answer (DIF 1Fh); valid after the last record.
-    #[must_use]
     pub fn more_follow(&self) -> bool {
         self.more
     }

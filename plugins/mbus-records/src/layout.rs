@@ -25,7 +25,6 @@ mod kind {
 impl Header {
     /// The header with the result: STATUS, number of records that follow, whether the meter has more, the code of the
     /// meter's application error.
-    #[must_use]
     pub fn to_bytes(self, status: u16, count: u16, more: bool, code: u8) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
         bytes[0..2].copy_from_slice(&status.to_be_bytes());
@@ -49,7 +48,6 @@ impl Header {
 
 impl Record<'_> {
     /// The scaled value; 0 if it is not a number.
-    #[must_use]
     pub fn scaled(self) -> f64 {
         match self.value {
             Value::Whole(raw) => f64::from(raw) * power_of_ten(self.exponent),
@@ -60,7 +58,6 @@ impl Record<'_> {
     }
 
     /// The record; `answer_at` is the position of the fields relative to the byte from which DATA_AT counts.
-    #[must_use]
     pub fn to_bytes(self, answer_at: u16) -> [u8; RECORD_BYTES] {
         let mut bytes = [0; RECORD_BYTES];
         let (kind, raw, time) = match self.value {

@@ -16,14 +16,12 @@ pub struct Extent {
 
 impl Extent {
     /// Length of the whole record.
-    #[must_use]
     pub fn bytes(self) -> usize {
         self.head + self.lvar + self.data
     }
 }
 
 /// Measures the record at the beginning of `bytes`; its DIF is not one of the special functions (xFh).
-#[must_use]
 pub fn measure(bytes: &[u8]) -> Option<Extent> {
     let dif = *bytes.first()?;
     let at = chain(bytes, 0)?;

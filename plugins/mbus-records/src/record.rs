@@ -44,7 +44,6 @@ pub struct Header {
 
 impl Header {
     /// The manufacturer's three letters. [EN 62056-21: A is 1]
-    #[must_use]
     pub fn manufacturer_letters(&self) -> [u8; 3] {
         [10, 5, 0].map(|shift| ((self.manufacturer >> shift) & 0x1F) as u8 + b'@')
     }

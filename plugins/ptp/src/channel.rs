@@ -70,7 +70,6 @@ pub(crate) fn write(
 }
 
 /// LADDR is an INT; addresses go up to 65535.
-#[must_use]
 pub fn address(laddr: i16) -> u32 {
     u32::from(laddr as u16)
 }

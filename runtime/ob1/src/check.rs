@@ -130,7 +130,6 @@ fn posture(files: &[PathBuf], json: bool) -> Exit {
 }
 
 /// Runs `ob1 check`: prints the findings, and says how it ended.
-#[must_use]
 pub fn check(args: &CheckArgs) -> Exit {
     if args.posture {
         return posture(&args.files, args.json);

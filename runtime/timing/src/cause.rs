@@ -35,7 +35,6 @@ named! {
 
 impl Class {
     /// What helps against it, where the program is not what it was about.
-    #[must_use]
     pub const fn remedy(self) -> Option<&'static str> {
         match self {
             Self::Kernel | Self::Timer | Self::Unexplained => Some(
@@ -122,7 +121,6 @@ pub struct Measured {
 
 impl Measured {
     /// How long this scan has waited for a core at least.
-    #[must_use]
     pub const fn waited_at_least(&self) -> Span {
         self.waited.saturating_sub(self.others_waited)
     }
@@ -174,7 +172,6 @@ fn longest_part(record: &ScanRecord) -> (Part, Span) {
 }
 
 /// Says why a scan was late.
-#[must_use]
 pub fn explain(record: &ScanRecord, evidence: &Evidence) -> Cause {
     let (part, size) = longest_part(record);
     let system = kernel(evidence, record, size, part);

@@ -86,13 +86,11 @@ pub struct Reference {
 
 /// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count
 /// as read and written; [`xref_with`] is more exact.
-#[must_use]
 pub fn xref(program: &Program) -> Vec<Reference> {
     xref_with(program, &Library::new())
 }
 
 /// The cross-reference of a program that calls blocks of a library.
-#[must_use]
 pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
     let interfaces: BTreeMap<BlockId, &Interface> = library
         .iter()
@@ -127,7 +125,6 @@ pub struct Uses<'x> {
 
 impl<P: Deref<Target = Program>> CrossReference<P> {
     /// Of a program that calls blocks of a library.
-    #[must_use]
     pub fn new(program: P, library: &Library) -> Self {
         let words = Words::of_both();
         let meaning = |symbol: &Symbol| Some((query::of_symbol(symbol, &words)?.0, symbol.name.clone()));
@@ -137,7 +134,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
     }
 
     /// The program that it is about.
-    #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }

@@ -97,7 +97,6 @@ pub enum BusEvent {
 impl BusEvent {
     /// The event as input of a protocol machine, with the buffer of the event. `None` for modem lines, which a protocol
     /// on a bus does not get.
-    #[must_use]
     pub fn input(self, buffer: &[u8]) -> Option<LineInput<'_>> {
         Some(match self {
             Self::Rx(len) => LineInput::Rx(buffer.get(..len)?),
