@@ -54,8 +54,8 @@ macro_rules! faults {
 }
 
 faults! {
-    /// What a statement did wrong. Programming errors call OB 121, access errors OB 122; without that OB the CPU goes to
-    /// STOP.
+    /// What a statement did wrong. Programming errors call OB 121, access errors OB 122; without that OB the CPU goes
+    /// to STOP.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[repr(u16)]
     pub enum FaultKind {
@@ -103,7 +103,8 @@ faults! {
         PeripheralRead = 0x2942, "peripheral access error when reading";
         /// 2943h: peripheral write without a module, or the module does not answer.
         PeripheralWrite = 0x2943, "peripheral access error when writing";
-        /// 2575h (ours): blocks nested deeper than the CPU allows, or no local data left. An S7-400 has 3575h and 3576h.
+        /// 2575h (ours): blocks nested deeper than the CPU allows, or no local data left. An S7-400 has 3575h and
+        /// 3576h.
         NestingDepth = 0x2575, "blocks nested too deep";
     }
 }

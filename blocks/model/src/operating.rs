@@ -11,8 +11,8 @@ named! {
         Startup = "STARTUP",
         /// The program runs: cycle after cycle.
         Run = "RUN",
-        /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port and
-        /// links are served.
+        /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port
+        /// and links are served.
         Hold = "HOLD",
     }
 }

@@ -1,6 +1,6 @@
 //! Decodes the M-Bus answer of a meter into records of fixed size: the data records of EN 1434-3 with variable (CI 72h)
 //! and fixed (CI 73h) structure. Total functions of the bytes that the CP passes to the program, without time and
-//! without allocation.
+//! without allocation: the crate is `no_std`.
 //!
 //! The crate `m-bus-application-layer` interprets DIF, VIF and their extensions. It is the part of `m-bus-parser` above
 //! the link layer, which the CP has already handled. It gets the header of one record at a time, whose length is
@@ -9,7 +9,6 @@
 //!
 //! For numbers: `VALUE = RAW * 10^EXPONENT` in `UNIT`. RAW is the exact count of the meter; a REAL has only seven
 //! digits.
-#![no_std]
 
 mod answer;
 mod fixed;

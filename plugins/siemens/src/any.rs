@@ -1,5 +1,4 @@
 //! The memory that an ANY parameter of a handling block points to, for the plugins that have such blocks.
-#![forbid(unsafe_code)]
 
 use ob1_sdk::types::Any;
 use ob1_sdk::{Abort, Area, Cx, Formal, Readable, Refused};

@@ -10,10 +10,10 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
 
 use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
 
-use crate::channel::{self, LEN_MAX, Unreachable, next_start};
-use crate::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
-use crate::state::{CpState, JOB_MS, WAITING_MS, called};
-use crate::target::Target;
+use super::channel::{self, LEN_MAX, Unreachable, next_start};
+use super::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
+use super::state::{CpState, JOB_MS, WAITING_MS, called};
+use super::target::Target;
 
 /// STATUS: RD_REC failed; RET_VAL is in SFCERR. (docs/cp341-events.md)
 const READ_FAILED: u16 = 0x1E0E;
@@ -170,11 +170,11 @@ pub struct Params {
     pub memory: Static<Bytes<34>>,
 }
 
-/// The [`Params`](crate::receive::Params) of a block, collected by their names.
+/// The [`Params`](super::receive::Params) of a block, collected by their names.
 #[macro_export]
 macro_rules! receive_params {
     ($block:ident) => {
-        $crate::receive::Params {
+        $crate::ptp::receive::Params {
             en_r: $block::EN_R,
             r: $block::R,
             laddr: $block::LADDR,

@@ -1,8 +1,8 @@
 //! The fixed data structure (CI 73h): two counters, each with one of 64 units, in a structure of sixteen bytes. [EN
 //! 1434-3]
 
-use crate::quantity::{Quantity, Unit};
-use crate::record::{Record, Value};
+use super::quantity::{Quantity, Unit};
+use super::record::{Record, Value};
 
 /// Position of the state in the fields: after C, A, CI field, identification, access number.
 const STATE: usize = 8;

@@ -1,7 +1,7 @@
 //! Header and records as they are in the data block of the program: S7 types, high byte first (docs/mbus.md has the
 //! tables and the UDTs).
 
-use crate::record::{Header, Record, Value};
+use super::record::{Header, Record, Value};
 
 /// Bytes of the header (UDT MBUS_HEADER); the first record follows.
 pub const HEADER_BYTES: usize = 24;
@@ -127,7 +127,7 @@ fn weekday(day: u8, month: u8, year: u8) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Quantity, Unit};
+    use crate::records::{Quantity, Unit};
 
     const RECORD: Record<'_> = Record {
         function: 1,

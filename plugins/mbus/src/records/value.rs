@@ -1,6 +1,6 @@
 //! The data of a record as a value: whole numbers, BCD, floating point, points in time, text.
 
-use crate::record::Value;
+use super::record::Value;
 
 /// VIF: a date (type G, 2 bytes).
 const DATE: u8 = 0x6C;

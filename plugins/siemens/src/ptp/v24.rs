@@ -7,8 +7,8 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
 use ob1_words::channels::v24::{CTS, DCD, DRIVES, DSR, DTR, RI, RTS};
 
-use crate::channel::address;
-use crate::state::CpState;
+use super::channel::address;
+use super::state::CpState;
 
 interface! {
     /// The parameters, in the manual's order.

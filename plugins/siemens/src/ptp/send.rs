@@ -9,8 +9,8 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
 
 use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
 
-use crate::channel::{self, Unreachable, next_start};
-use crate::state::{CpState, JOB_MS, called};
+use super::channel::{self, Unreachable, next_start};
+use super::state::{CpState, JOB_MS, called};
 
 /// STATUS: job aborted by restart or reset. (docs/cp341-events.md)
 pub(crate) const ABORTED: u16 = 0x1E0D;
@@ -204,11 +204,11 @@ pub struct Params {
     pub memory: Static<Bytes<34>>,
 }
 
-/// The [`Params`](crate::send::Params) of a block, collected by their names.
+/// The [`Params`](super::send::Params) of a block, collected by their names.
 #[macro_export]
 macro_rules! send_params {
     ($block:ident) => {
-        $crate::send::Params {
+        $crate::ptp::send::Params {
             req: $block::REQ,
             r: $block::R,
             laddr: $block::LADDR,

@@ -4,7 +4,7 @@ use ob1_sdk::{Abort, Area, Cx, Refused};
 
 use ob1_words::channels::Refusal;
 
-use crate::state::CpState;
+use super::state::CpState;
 
 /// Maximum number of bytes of timers and counters that a partner can fetch from a CP 341.
 /// [TIA help "PtP data link CP 341"]

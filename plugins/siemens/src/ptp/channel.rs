@@ -3,7 +3,7 @@
 use ob1_sdk::{Abort, Cx, Refused};
 use ob1_words::channels::{BLOCK_BYTES, Block, Channel};
 
-use crate::state::CpState;
+use super::state::CpState;
 
 /// Longest job of all blocks, in bytes. [TIA help "PtP data link CP 341"]
 pub const LEN_MAX: u16 = 4096;

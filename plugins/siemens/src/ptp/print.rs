@@ -8,11 +8,11 @@ use std::marker::PhantomData;
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::CpState;
+use super::CpState;
 
 use ob1_words::channels::Job as Order;
 
-use crate::send::{self, Data, Job, Params, wrong_db};
+use super::send::{self, Data, Job, Params, wrong_db};
 
 /// Longest variable, and longest format string. [TIA help "PtP data link CP 341"]
 const VARIABLE_MAX: u16 = 32;

@@ -1,6 +1,6 @@
 //! Writes an answer into a data block: the header, then the records one after the other.
 
-use ob1_mbus_records::{Answer, Fault, HEADER_BYTES, Header, RECORD_BYTES};
+use crate::records::{Answer, Fault, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_sdk::{Abort, Area, Cx};
 
 use crate::status;

@@ -1,7 +1,7 @@
 //! An answer: its header, and an iterator over its records.
 
-use crate::record::{Fault, Header, Record};
-use crate::{fixed, variable};
+use super::record::{Fault, Header, Record};
+use super::{fixed, variable};
 
 /// CI field: variable data structure, least significant byte first. [S0 "CI field"]
 const VARIABLE: u8 = 0x72;

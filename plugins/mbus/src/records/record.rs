@@ -1,6 +1,6 @@
 //! What an answer says: its meter, its records and their values, or why it says nothing.
 
-use crate::quantity::{Quantity, Unit};
+use super::quantity::{Quantity, Unit};
 
 /// The reason why an answer or a record cannot be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,10 +3,10 @@
 use m_bus_application_layer::data_information::{DataInformation, DataInformationBlock};
 use m_bus_application_layer::value_information::{ValueInformation, ValueInformationBlock};
 
-use crate::measure::measure;
-use crate::quantity::{Quantity, Unit};
-use crate::record::{Fault, Record, Value};
-use crate::value::decode;
+use super::measure::measure;
+use super::quantity::{Quantity, Unit};
+use super::record::{Fault, Record, Value};
+use super::value::decode;
 
 /// The record at this position; its DIF is neither filler nor the end of the records.
 pub(crate) fn record(fields: &[u8], from: usize) -> Result<Record<'_>, Fault> {
