@@ -99,7 +99,6 @@ pub struct BusSize {
 
 impl BusSize {
     /// A size in couplers, input bytes and output bytes; `None` if this is too much for a bus.
-    #[must_use]
     pub const fn new(couplers: usize, inputs: usize, outputs: usize) -> Option<Self> {
         if couplers > BUS_COUPLERS || inputs > BUS_AREA_BYTES || outputs > BUS_AREA_BYTES {
             return None;
@@ -129,7 +128,6 @@ pub struct BusMemory {
 
 impl BusMemory {
     /// On the heap, for tests and simulations.
-    #[must_use]
     pub fn heap() -> Self {
         Self { memory: Memory::heap() }
     }
@@ -151,7 +149,6 @@ impl BusMemory {
     }
 
     /// The descriptor, to hand over; `None` on the heap.
-    #[must_use]
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.memory.descriptor()
     }
@@ -184,7 +181,6 @@ pub struct BusCpuSide {
 
 impl BusCpuSide {
     /// The one end of this kind of a memory.
-    #[must_use]
     pub fn new(memory: &BusMemory, size: BusSize) -> Self {
         let zeros = |words| vec![0; words].into_boxed_slice();
         let (inputs, outputs) = (zeros(size.input_words()), zeros(size.output_words()));
@@ -204,7 +200,6 @@ impl BusCpuSide {
     }
 
     /// The words about a coupler in the image taken last; zeros if there is no such coupler.
-    #[must_use]
     pub fn coupler(&self, index: usize) -> [u64; COUPLER_WORDS] {
         let first = index * COUPLER_WORDS;
         let words = self.inputs.get(first..first + COUPLER_WORDS).filter(|_| index < self.size.couplers);
@@ -241,7 +236,6 @@ impl BusCpuSide {
     }
 
     /// Reads of the inputs that found no whole image.
-    #[must_use]
     pub const fn stale(&self) -> u64 {
         self.stale
     }
@@ -261,7 +255,6 @@ pub struct BusProcessSide {
 
 impl BusProcessSide {
     /// The one end of this kind of a memory.
-    #[must_use]
     pub fn new(memory: &BusMemory, size: BusSize) -> Self {
         let outputs = vec![0; size.output_words()].into_boxed_slice();
         Self { memory: memory.clone(), size, taken: 0, outputs }
@@ -295,7 +288,6 @@ pub struct BusLook {
 
 impl BusLook {
     /// Takes a view of the memory now; `None` if both sides write too fast for a whole image.
-    #[must_use]
     pub fn new(memory: &BusMemory, size: BusSize) -> Option<Self> {
         let mut look = Self { scan: BusCpuSide::new(memory, size), process: BusProcessSide::new(memory, size) };
         look.scan.take();
@@ -304,7 +296,6 @@ impl BusLook {
     }
 
     /// The words of a coupler at the process's last image; see [`BusCpuSide::coupler`].
-    #[must_use]
     pub fn coupler(&self, index: usize) -> [u64; COUPLER_WORDS] {
         self.scan.coupler(index)
     }
@@ -324,7 +315,6 @@ impl BusLook {
     }
 
     /// Whether the scan drives the outputs.
-    #[must_use]
     pub fn driven(&self) -> bool {
         self.process.outputs.first() == Some(&1)
     }

@@ -1,70 +1,10 @@
 //! The counters of a CP: they only grow, across all restarts of its driver, and tell what became of each telegram, and
 //! with which numbers orders have failed.
 
+pub use ob1_words::Counter;
+
 use crate::layout::{COUNTER_WORDS, ENDS};
 use crate::sync::{AtomicU64, Ordering, Words};
-
-macro_rules! counters {
-    ($($(#[$doc:meta])* $name:ident = $text:literal,)*) => {
-        /// What is counted. The position in the segment is the number of the variant.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(usize)]
-        pub enum Counter {
-            $($(#[$doc])* $name,)*
-        }
-
-        impl Counter {
-            /// All counters, in their order in the segment.
-            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
-
-            /// Name of the counter, as reports print it.
-            #[must_use]
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$name => $text,)*
-                }
-            }
-        }
-    };
-}
-
-counters! {
-    /// Send orders taken over completely from the CPU.
-    OrdersAccepted = "orders_accepted",
-    /// Orders finished: the protocol's last acknowledgement has arrived.
-    TelegramsSent = "telegrams_sent",
-    /// Orders finished with an error.
-    SendErrors = "send_errors",
-    /// Orders dropped by a reset of the CP.
-    OrdersAborted = "orders_aborted",
-    /// Orders that were in the buffers of a driver when it died.
-    OrdersLost = "orders_lost",
-    /// Telegrams of the partner received completely and free of errors.
-    TelegramsReceived = "telegrams_received",
-    /// Received telegrams handed over completely to the CPU.
-    TelegramsDelivered = "telegrams_delivered",
-    /// Received telegrams dropped by a reset of the CP.
-    ReceiveAborted = "receive_aborted",
-    /// Received telegrams that were in the buffers of a driver when it died.
-    ReceiveLost = "receive_lost",
-    /// Attempts of the partner that failed: parity, frame, check sum, time.
-    ReceiveErrors = "receive_errors",
-    /// Attempts of the partner that were rejected because a buffer was full. A warning: a partner that repeats at once
-    /// uses up its attempts before the program has made room, and gives up the telegram.
-    RejectedFull = "rejected_full",
-    /// Bytes sent on the line.
-    BytesTx = "bytes_tx",
-    /// Bytes received from the line.
-    BytesRx = "bytes_rx",
-    /// Times the line failed: device gone, connection broken.
-    LineFaults = "line_faults",
-    /// Times the line was opened again.
-    LineRestarts = "line_restarts",
-    /// Times a driver has attached.
-    DriverStarts = "driver_starts",
-    /// Log lines of the driver that were dropped.
-    LogLost = "log_lost",
-}
 
 const _: () = assert!(Counter::ALL.len() <= COUNTER_WORDS);
 
@@ -74,21 +14,18 @@ pub struct Counters([u64; Counter::ALL.len()]);
 
 impl Counters {
     /// The counter's value since the segment was made.
-    #[must_use]
     pub fn get(&self, counter: Counter) -> u64 {
         self.0.get(counter as usize).copied().unwrap_or(0)
     }
 
     /// Orders the CP has accepted and not finished yet: in its buffers or on the line. If the driver dies now, they
     /// are lost in the CP.
-    #[must_use]
     pub fn open_orders(&self) -> u64 {
         use Counter::{OrdersAborted, OrdersAccepted, OrdersLost, SendErrors, TelegramsSent};
         self.open(OrdersAccepted, [TelegramsSent, SendErrors, OrdersAborted, OrdersLost])
     }
 
     /// Telegrams received and not yet delivered to the CPU. If the driver dies now, they are lost in the CP.
-    #[must_use]
     pub fn open_receives(&self) -> u64 {
         use Counter::{ReceiveAborted, ReceiveLost, TelegramsDelivered, TelegramsReceived};
         self.open(TelegramsReceived, [TelegramsDelivered, ReceiveAborted, ReceiveLost])

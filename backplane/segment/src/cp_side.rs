@@ -91,13 +91,11 @@ impl CpSide {
     }
 
     /// Register bytes each way.
-    #[must_use]
     pub fn io_bytes(&self) -> usize {
         self.io.get()
     }
 
     /// The number of this driver: attachments are counted. Never 0.
-    #[must_use]
     pub fn generation(&self) -> u64 {
         self.generation
     }
@@ -105,7 +103,6 @@ impl CpSide {
     /// The CPU side's current mark. Take it first in each pass, then look at everything, then call
     /// [`Self::prepare_sleep`].
     #[inline]
-    #[must_use]
     pub fn changes(&self) -> ChangeMark {
         // Pairs with the store(Release) in `CpuSide::changed`: all changes up to this mark are visible after it.
         ChangeMark(self.cells().outputs.changes.load(Ordering::Acquire))
@@ -133,7 +130,6 @@ impl CpSide {
 
     /// Whether the output registers have changed since [`Self::read_outputs`] was last fresh.
     #[inline]
-    #[must_use]
     pub fn outputs_changed(&self) -> bool {
         self.outputs.is_outdated(&self.cells().outputs.registers)
     }
@@ -155,7 +151,6 @@ impl CpSide {
     }
 
     /// Whether parameters have been transferred since [`Self::read_params`] was last fresh.
-    #[must_use]
     pub fn params_changed(&self) -> bool {
         self.params.is_outdated(&self.cells().params)
     }
@@ -186,7 +181,6 @@ impl CpSide {
 
     /// When the CPU has written what this driver finds now: CLOCK_MONOTONIC in nanoseconds, as of the beginning of that
     /// scan; 0: not said.
-    #[must_use]
     pub fn posted(&self) -> u64 {
         self.cells().times.posted.load(Ordering::Relaxed)
     }
@@ -207,7 +201,6 @@ impl CpSide {
     }
 
     /// Whether the CPU has written a block of the channel since the last read.
-    #[must_use]
     pub fn channel_changed(&self, channel: Channel) -> bool {
         self.channels.changed(&self.cells().channels, channel)
     }
@@ -218,7 +211,6 @@ impl CpSide {
     }
 
     /// Whether the CP has boxes.
-    #[must_use]
     pub fn has_boxes(&self) -> bool {
         self.segment.boxes().is_some()
     }
@@ -229,7 +221,6 @@ impl CpSide {
     }
 
     /// Whether the CPU has written to a box since the last read.
-    #[must_use]
     pub fn box_changed(&self, index: usize) -> bool {
         self.boxes.changed(self.segment.boxes(), index)
     }
@@ -251,7 +242,6 @@ impl CpSide {
     }
 
     /// The counters of this CP, those of earlier drivers included.
-    #[must_use]
     pub fn counters(&self) -> Counters {
         Counters::read(&self.cells().counters)
     }
@@ -280,7 +270,6 @@ impl CpSide {
     }
 
     /// Modem lines as set by the CPU.
-    #[must_use]
     pub fn modem_outputs(&self) -> ModemOutputs {
         ModemOutputs::from_word(self.cells().cpu.modem_outputs.load(Ordering::Acquire))
     }
@@ -294,7 +283,6 @@ impl CpSide {
     }
 
     /// A number the CPU changes with every scan.
-    #[must_use]
     pub fn cpu_heartbeat(&self) -> u64 {
         self.cells().cpu.heartbeat.load(Ordering::Relaxed)
     }

@@ -83,13 +83,11 @@ impl CpuSide {
 
     /// The read-only view: state, generation, LEDs, counters. Clones of it may go to other threads.
     #[inline]
-    #[must_use]
     pub fn monitor(&self) -> &Monitor {
         &self.monitor
     }
 
     /// Register bytes each way.
-    #[must_use]
     pub fn io_bytes(&self) -> usize {
         self.io.get()
     }
@@ -153,7 +151,6 @@ impl CpuSide {
     /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for callers that
     /// spin.
     #[inline]
-    #[must_use]
     pub fn inputs_changed(&self) -> bool {
         self.inputs.is_outdated(&self.monitor.cells().inputs.registers)
     }

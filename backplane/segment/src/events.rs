@@ -1,50 +1,28 @@
 //! Events of a CP: fixed records of 32 bytes in a ring. When it is full, new ones are counted and dropped.
 
+use ob1_words::codes;
+
 use crate::bytes::{copy_out, words_of};
 use crate::cells::EventCells;
 use crate::fault::Fault;
 use crate::layout::{EVENT_DATA_BYTES, EVENT_SLOTS};
 use crate::sync::{Ordering, Words};
 
-/// What an event asks of the CPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EventKind {
-    /// A process interrupt: OB 40.
-    ProcessInterrupt,
-    /// A diagnostic interrupt, the fault comes: OB 82.
-    DiagnosticIncoming,
-    /// A diagnostic interrupt, the fault goes: OB 82.
-    DiagnosticOutgoing,
-    /// The module is gone: OB 83.
-    Removed,
-    /// The module is back: OB 83.
-    Inserted,
-    /// No interrupt, an entry in the diagnostic buffer.
-    Message,
-}
-
-impl EventKind {
-    fn to_number(self) -> u64 {
-        match self {
-            Self::ProcessInterrupt => 1,
-            Self::DiagnosticIncoming => 2,
-            Self::DiagnosticOutgoing => 3,
-            Self::Removed => 4,
-            Self::Inserted => 5,
-            Self::Message => 6,
-        }
-    }
-
-    fn from_number(number: u64) -> Option<Self> {
-        Some(match number {
-            1 => Self::ProcessInterrupt,
-            2 => Self::DiagnosticIncoming,
-            3 => Self::DiagnosticOutgoing,
-            4 => Self::Removed,
-            5 => Self::Inserted,
-            6 => Self::Message,
-            _ => return None,
-        })
+codes! {
+    /// What an event asks of the CPU.
+    EventKind {
+        /// A process interrupt: OB 40.
+        ProcessInterrupt = 1,
+        /// A diagnostic interrupt, the fault comes: OB 82.
+        DiagnosticIncoming = 2,
+        /// A diagnostic interrupt, the fault goes: OB 82.
+        DiagnosticOutgoing = 3,
+        /// The module is gone: OB 83.
+        Removed = 4,
+        /// The module is back: OB 83.
+        Inserted = 5,
+        /// No interrupt, an entry in the diagnostic buffer.
+        Message = 6,
     }
 }
 
@@ -63,7 +41,6 @@ pub struct Event {
 
 impl Event {
     /// An event with up to 16 bytes of data; what is longer is cut.
-    #[must_use]
     pub fn new(time: u64, kind: EventKind, code: u32, data: &[u8]) -> Self {
         let mut event = Self { time, kind, code, len: 0, data: [0; EVENT_DATA_BYTES] };
         for (to, from) in event.data.iter_mut().zip(data) {
@@ -74,13 +51,12 @@ impl Event {
     }
 
     /// Its data: at most 16 bytes.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
     }
 
     fn to_words(self) -> [u64; 4] {
-        let head = self.kind.to_number() | u64::from(self.len) << 16 | u64::from(self.code) << 32;
+        let head = self.kind as u64 | u64::from(self.len) << 16 | u64::from(self.code) << 32;
         let mut words = [self.time, head, 0, 0];
         for (word, data) in words.iter_mut().skip(2).zip(words_of(&self.data)) {
             *word = data;
@@ -89,7 +65,7 @@ impl Event {
     }
 
     fn from_words([time, head, low, high]: [u64; 4]) -> Result<Self, Fault> {
-        let kind = EventKind::from_number(head & 0xffff).ok_or(Fault::Event(head))?;
+        let kind = u8::try_from(head & 0xffff).ok().and_then(EventKind::of).ok_or(Fault::Event(head))?;
         let len = (head >> 16 & 0xff) as u8;
         if usize::from(len) > EVENT_DATA_BYTES {
             return Err(Fault::Event(head));

@@ -26,7 +26,6 @@ pub struct GuardPage {
 
 impl GuardPage {
     /// A page on the heap, for tests and simulations.
-    #[must_use]
     pub fn heap() -> Self {
         Self { memory: Memory::heap() }
     }
@@ -48,7 +47,6 @@ impl GuardPage {
     }
 
     /// The descriptor, to hand over; `None` on the heap.
-    #[must_use]
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.memory.descriptor()
     }
@@ -65,7 +63,6 @@ impl GuardPage {
     }
 
     /// A number that changes with each sign of life of the scan.
-    #[must_use]
     pub fn beats(&self) -> u64 {
         self.memory.cells().word::<AT_BEAT>().load(Ordering::Relaxed)
     }
@@ -76,7 +73,6 @@ impl GuardPage {
     }
 
     /// A number that changes with each sign of life of a guardian.
-    #[must_use]
     pub fn guardian_beats(&self) -> u64 {
         self.memory.cells().word::<AT_GUARDIAN_BEAT>().load(Ordering::Relaxed)
     }
@@ -87,14 +83,12 @@ impl GuardPage {
     }
 
     /// Whether the PLC has released the outputs: then there is nothing to take over.
-    #[must_use]
     pub fn has_let_go(&self) -> bool {
         self.memory.cells().word::<AT_LET_GO>().load(Ordering::Acquire) != 0
     }
 
     /// Whether the guardian has taken over.
     #[inline]
-    #[must_use]
     pub fn is_taken(&self) -> bool {
         self.taken().load(Ordering::Acquire) != 0
     }
@@ -129,7 +123,6 @@ impl Guardian {
     }
 
     /// The page shared with the PLC: signs of life, and who has the outputs.
-    #[must_use]
     pub const fn page(&self) -> &GuardPage {
         &self.page
     }

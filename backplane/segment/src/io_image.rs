@@ -44,7 +44,6 @@ pub struct IoField {
 
 impl IoImage {
     /// An image on the heap, for tests and simulations.
-    #[must_use]
     pub fn heap() -> Self {
         Self::format(Memory::heap(), GuardPage::heap())
     }
@@ -64,7 +63,6 @@ impl IoImage {
     }
 
     /// The page that the guardian gets besides this image.
-    #[must_use]
     pub const fn guard(&self) -> &GuardPage {
         &self.guard
     }
@@ -80,26 +78,22 @@ impl IoImage {
     }
 
     /// The safe state, as bytes of the output area.
-    #[must_use]
     pub fn safe_state(&self) -> Vec<u8> {
         self.safe.iter().flat_map(|word| word.to_ne_bytes()).collect()
     }
 
     /// The path under which another process of the same user maps this image, as long as this process lives; `None` on
     /// the heap.
-    #[must_use]
     pub fn path(&self) -> Option<PathBuf> {
         self.memory.path()
     }
 
     /// The descriptor of a shared image, for a runtime that passes it on.
-    #[must_use]
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.memory.descriptor()
     }
 
     /// The end of whoever plays the process: it reads outputs and writes inputs.
-    #[must_use]
     pub fn field(&self) -> IoField {
         IoField { memory: self.memory.clone() }
     }
@@ -181,7 +175,6 @@ impl IoImage {
 
 impl Guardian {
     /// The guardian of an image in the same process. For tests.
-    #[must_use]
     pub fn beside(image: &IoImage) -> Self {
         Self::over(image.memory.clone(), image.guard.clone(), &image.safe_state())
     }
@@ -231,25 +224,21 @@ impl IoField {
     }
 
     /// Number of the last scan that has ended.
-    #[must_use]
     pub fn scan(&self) -> u64 {
         self.memory.cells().word::<AT_SCAN>().load(Ordering::Acquire)
     }
 
     /// A number that changes with every cycle of a running PLC, also in STOP.
-    #[must_use]
     pub fn alive(&self) -> u64 {
         self.memory.cells().word::<AT_ALIVE>().load(Ordering::Acquire)
     }
 
     /// Who writes the outputs, according to the image; `None` if its word has no meaning.
-    #[must_use]
     pub fn owner(&self) -> Option<Owner> {
         Owner::of(self.memory.cells().word::<AT_OWNER>().load(Ordering::Acquire))
     }
 
     /// Reads one word by its offset in the memory map; `None` outside or if unaligned.
-    #[must_use]
     pub fn peek(&self, offset: usize) -> Option<u64> {
         self.memory.peek(offset)
     }

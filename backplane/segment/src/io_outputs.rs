@@ -23,7 +23,6 @@ pub enum Owner {
 
 impl Owner {
     /// The owner of this number.
-    #[must_use]
     pub const fn of(number: u64) -> Option<Self> {
         match number {
             0 => Some(Self::Nobody),

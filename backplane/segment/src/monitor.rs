@@ -47,33 +47,28 @@ impl Monitor {
 
     /// Changes with every driver that attaches; 0 before the first. Its magnitude has no meaning.
     #[inline]
-    #[must_use]
     pub fn generation(&self) -> u64 {
         // Pairs with the store(Release) in `CpSide::attach`: a reader that sees the new number sees everything reset.
         self.cells().cp.generation.load(Ordering::Acquire)
     }
 
     /// A number the driver changes with every pass of its loop. If it stays the same for long, the driver hangs.
-    #[must_use]
     pub fn cp_heartbeat(&self) -> u64 {
         self.cells().cp.heartbeat.load(Ordering::Relaxed)
     }
 
     /// A number the CPU changes with every scan.
-    #[must_use]
     pub fn cpu_heartbeat(&self) -> u64 {
         self.cells().cpu.heartbeat.load(Ordering::Relaxed)
     }
 
     /// The LEDs of the CP.
-    #[must_use]
     pub fn leds(&self) -> Leds {
         words::leds_from_word(self.cells().cp.leds.load(Ordering::Relaxed))
     }
 
     /// What the CP says it waits for or what has failed, and the CPU's time in seconds when that last changed. A driver
     /// that does not know the field says nothing.
-    #[must_use]
     pub fn reason(&self) -> Option<(Reason, u64)> {
         words::reason_from_word(self.cells().cp.reason.load(Ordering::Relaxed))
     }
@@ -84,19 +79,16 @@ impl Monitor {
     }
 
     /// State of the modem lines at the CP.
-    #[must_use]
     pub fn modem_inputs(&self) -> ModemInputs {
         ModemInputs::from_word(self.cells().cp.modem_inputs.load(Ordering::Relaxed))
     }
 
     /// The counters of the CP.
-    #[must_use]
     pub fn counters(&self) -> Counters {
         Counters::read(&self.cells().counters)
     }
 
     /// Events the driver had to drop because the ring was full.
-    #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.cells().events.lost.load(Ordering::Relaxed)
     }
@@ -117,7 +109,6 @@ impl Monitor {
     }
 
     /// Whether the driver seems to sleep. The decision to ring is [`crate::CpuSide::take_doorbell`].
-    #[must_use]
     pub fn driver_sleeps(&self) -> bool {
         self.cells().doorbell.sleeping.load(Ordering::Relaxed) != 0
     }

@@ -21,7 +21,6 @@ pub struct Record {
 
 impl Record {
     /// Its data: at most 240 bytes.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..self.len).unwrap_or_default()
     }

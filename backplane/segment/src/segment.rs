@@ -40,14 +40,12 @@ unsafe impl Sync for Segment {}
 
 impl Segment {
     /// A segment on the heap: for tests, for the simulation in one thread, for Miri and loom.
-    #[must_use]
     pub fn heap() -> Self {
         let memory = Arc::new(SegmentCells::default());
         Self { cells: NonNull::from(&*memory), boxes: None, keep: Keep::Heap(memory) }
     }
 
     /// The same for a CP that has boxes.
-    #[must_use]
     pub fn heap_with_boxes() -> Self {
         let memory = Arc::new(BoxedCells::default());
         let boxes = Some(NonNull::from(&memory.boxes));
@@ -82,7 +80,6 @@ impl Segment {
     }
 
     /// Size in bytes: it says whether there are boxes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         if self.boxes.is_some() { SEGMENT_BYTES_BOXES } else { SEGMENT_BYTES }
     }
@@ -143,7 +140,6 @@ impl Segment {
 
     /// The path under which another process of the same user opens this segment, as long as this process lives; `None`
     /// for a segment on the heap.
-    #[must_use]
     pub fn path(&self) -> Option<std::path::PathBuf> {
         match &self.keep {
             Keep::Heap(_) | Keep::Boxed(_) => None,
@@ -152,7 +148,6 @@ impl Segment {
     }
 
     /// The descriptor of a shared segment, for a runtime that passes it on.
-    #[must_use]
     pub fn descriptor(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
         match &self.keep {
             Keep::Heap(_) | Keep::Boxed(_) => None,
@@ -174,7 +169,6 @@ impl Segment {
 
     /// Reads one word by its offset in the memory map, as a foreign driver would; `None` outside or if unaligned. For
     /// tests and tools.
-    #[must_use]
     pub fn peek(&self, offset: usize) -> Option<u64> {
         self.word(offset).map(|cell| cell.load(Ordering::Acquire))
     }
@@ -185,7 +179,6 @@ impl Segment {
     }
 
     /// One word by its offset in the memory map, for tools that spin on it; `None` outside or if unaligned.
-    #[must_use]
     pub fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
         offset.is_multiple_of(8).then(|| self.words().nth(offset / 8)).flatten()
     }

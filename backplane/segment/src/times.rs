@@ -40,7 +40,6 @@ impl Stage {
     ];
 
     /// Its name, as reports print it.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Posted => "posted",
@@ -67,13 +66,11 @@ pub struct OrderTimes {
 
 impl OrderTimes {
     /// Nothing is said yet.
-    #[must_use]
     pub fn new(is_order: bool, bytes: usize) -> Self {
         Self { is_order, bytes: u32::try_from(bytes).unwrap_or(u32::MAX).min(0xFF_FFFF), at: [0; 8] }
     }
 
     /// When this was, CLOCK_MONOTONIC in nanoseconds; `None`: not said.
-    #[must_use]
     pub fn at(&self, stage: Stage) -> Option<u64> {
         Some(self.at[stage as usize]).filter(|at| *at != 0)
     }

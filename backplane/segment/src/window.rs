@@ -132,7 +132,6 @@ impl WindowWriter {
     }
 
     /// A window on the heap of one process.
-    #[must_use]
     pub fn heap() -> Self {
         Self::over(Memory::heap())
     }
@@ -147,7 +146,6 @@ impl WindowWriter {
     }
 
     /// A reader in this process.
-    #[must_use]
     pub fn reader(&self) -> WindowReader {
         WindowReader { memory: self.memory.clone() }
     }
@@ -199,7 +197,6 @@ impl WindowReader {
 
     /// The descriptor, to hand over; `None` on the heap.
     #[cfg(not(loom))]
-    #[must_use]
     pub fn descriptor(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
         match &self.memory.keep {
             Keep::Heap(_) => None,
@@ -244,7 +241,6 @@ impl WindowReader {
     }
 
     /// What is said of the newest snapshot.
-    #[must_use]
     pub fn newest(&self) -> Option<WindowHead> {
         self.read(|head, _| head)
     }

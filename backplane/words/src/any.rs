@@ -17,13 +17,11 @@ macro_rules! types {
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
             /// The type for a type code.
-            #[must_use]
             pub const fn of(code: u8) -> Option<Self> {
                 match code { $($code => Some(Self::$name),)* _ => None }
             }
 
             /// Bits of one element. A STRING's count is its bytes.
-            #[must_use]
             pub const fn bits(self) -> u32 {
                 match self { $(Self::$name => $bits,)* }
             }
@@ -85,7 +83,6 @@ pub struct Fields {
 
 impl Fields {
     /// `None` for another syntax or type.
-    #[must_use]
     pub const fn read(bytes: &[u8; BYTES]) -> Option<Self> {
         let [SYNTAX, ty, count_high, count_low, db_high, db_low, area, a, b, c] = *bytes else { return None };
         let Some(ty) = AnyType::of(ty) else { return None };
@@ -99,7 +96,6 @@ impl Fields {
     }
 
     /// The pointer as it lies in memory, most significant byte first.
-    #[must_use]
     pub const fn bytes(&self) -> [u8; BYTES] {
         let [count_high, count_low] = self.count.to_be_bytes();
         let [db_high, db_low] = self.db.to_be_bytes();

@@ -5,7 +5,7 @@
 //! running, then its end, or piece by piece the received data. A box of the CP is valid only if it has the number of
 //! the job that the CPU shows.
 
-use crate::codes::codes;
+use crate::codes;
 
 /// Boxes of a module.
 pub const BOXES: usize = 64;
@@ -19,13 +19,11 @@ pub const PIECE: usize = BOX_BYTES - HEAD_BYTES;
 pub const DATA_MAX: usize = 65_536;
 
 /// The box for a data record: records 80h to BFh.
-#[must_use]
 pub fn of_record(number: u8) -> Option<usize> {
     number.checked_sub(RECORD).map(usize::from).filter(|index| *index < BOXES)
 }
 
 /// The data record of a box.
-#[must_use]
 pub const fn record(index: usize) -> u8 {
     RECORD + (index % BOXES) as u8
 }
@@ -33,14 +31,12 @@ pub const fn record(index: usize) -> u8 {
 const RECORD: u8 = 0x80;
 
 /// Number of pieces for this many bytes; a job without data has one empty piece.
-#[must_use]
 pub const fn pieces(bytes: usize) -> u16 {
     let pieces = bytes.div_ceil(PIECE);
     if pieces == 0 { 1 } else { pieces as u16 }
 }
 
 /// The range of a piece in data of this length; empty after the end.
-#[must_use]
 pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     let from = (usize::from(piece) * PIECE).min(bytes);
     from..(from + PIECE).min(bytes)
@@ -123,7 +119,6 @@ impl Order {
     pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, had: 0, room: 0 };
 
     /// The bytes in the box.
-    #[must_use]
     pub fn bytes(&self) -> [u8; HEAD_BYTES] {
         let mut head = [0; HEAD_BYTES];
         head[0] = self.service.map_or(0, |service| service as u8);
@@ -139,7 +134,6 @@ impl Order {
     }
 
     /// Reads the header from a box.
-    #[must_use]
     pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
         Self {
             service: Service::of(head[0]),
@@ -175,7 +169,6 @@ impl Answer {
     pub const NONE: Self = Self { state: State::None, job: 0, piece: 0, status: 0, len: 0 };
 
     /// The bytes in the box.
-    #[must_use]
     pub fn bytes(&self) -> [u8; HEAD_BYTES] {
         let mut head = [0; HEAD_BYTES];
         head[0] = self.state as u8;
@@ -187,7 +180,6 @@ impl Answer {
     }
 
     /// Reads the header from a box; an invalid state means no job.
-    #[must_use]
     pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
         let state = match State::of(head[0]) {
             Some(state) => state,

@@ -1,6 +1,6 @@
 //! CP 340 and CP 341: the two channels, and the additional registers (docs/cp341-channels.md).
 
-use crate::codes::codes;
+use crate::codes;
 
 /// Bytes of a block.
 pub const BLOCK_BYTES: usize = 64;
@@ -22,7 +22,6 @@ impl Channel {
     pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
 
     /// Number of the data record by which the CPU reads and writes the channel (RD_REC, WR_REC).
-    #[must_use]
     pub const fn record(self) -> u8 {
         match self {
             Self::Send => 0x80,
@@ -31,7 +30,6 @@ impl Channel {
     }
 
     /// The channel for a data record.
-    #[must_use]
     pub fn of_record(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.record() == number)
     }
@@ -44,13 +42,11 @@ pub const PIECE: u16 = 32;
 const DATA: usize = BLOCK_BYTES - PIECE as usize;
 
 /// Number of pieces for this many bytes.
-#[must_use]
 pub const fn pieces(bytes: usize) -> u16 {
     bytes.div_ceil(PIECE as usize) as u16
 }
 
 /// The range of a piece in data of this length; empty after the end.
-#[must_use]
 pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     let from = (usize::from(piece) * usize::from(PIECE)).min(bytes);
     from..(from + usize::from(PIECE)).min(bytes)
@@ -172,7 +168,6 @@ impl Job {
     pub const PRINT: u8 = b'P';
 
     /// Whether the CPU passes data with the job.
-    #[must_use]
     pub const fn has_data(&self) -> bool {
         matches!(self.sf, Self::SEND | Self::PRINT)
     }
@@ -192,19 +187,16 @@ impl Block {
     }
 
     /// A block of the CPU: the command, its start number and its job.
-    #[must_use]
     pub fn of_cpu(command: Command, start: u16, job: u16) -> Self {
         Self::new(command as u8, start, job)
     }
 
     /// A block of the CP: the state, the acknowledged start number and the job.
-    #[must_use]
     pub fn of_cp(state: State, start: u16, job: u16) -> Self {
         Self::new(state as u8, start, job)
     }
 
     /// The command in a block of the CPU.
-    #[must_use]
     pub const fn command(&self) -> Command {
         match Command::of(self.0[0]) {
             Some(known) => known,
@@ -213,7 +205,6 @@ impl Block {
     }
 
     /// The state in a block of the CP.
-    #[must_use]
     pub const fn state(&self) -> State {
         match State::of(self.0[0]) {
             Some(known) => known,
@@ -222,7 +213,6 @@ impl Block {
     }
 
     /// The word at byte `at`.
-    #[must_use]
     pub const fn word(&self, at: usize) -> u16 {
         u16::from_be_bytes([self.0[at], self.0[at + 1]])
     }
@@ -233,7 +223,6 @@ impl Block {
     }
 
     /// With [`Command::Start`] in the receive channel: the block waits for an offer at once.
-    #[must_use]
     pub const fn takes(&self) -> bool {
         self.0[1] & 1 == 1
     }
@@ -247,7 +236,6 @@ impl Block {
 
     /// With [`Command::Rest`] in the receive channel: the job under way was aborted. Without this mark REST tells, like
     /// WAIT, that the program has been told its end.
-    #[must_use]
     pub const fn drops(&self) -> bool {
         self.0[1] & 2 != 0
     }
@@ -260,20 +248,17 @@ impl Block {
     }
 
     /// Start number; in a block of the CP the acknowledged one, 0: none.
-    #[must_use]
     pub const fn start(&self) -> u16 {
         self.word(2)
     }
 
     /// Number of the job.
-    #[must_use]
     pub const fn job(&self) -> u16 {
         self.word(4)
     }
 
     /// The giving side shows the number of the piece in [`data`](Self::data), the taking side the number of pieces it
     /// has.
-    #[must_use]
     pub const fn piece(&self) -> u16 {
         self.word(6)
     }
@@ -286,7 +271,6 @@ impl Block {
     }
 
     /// STATUS in a block of the CP with [`State::Failed`].
-    #[must_use]
     pub const fn status(&self) -> u16 {
         self.word(8)
     }
@@ -299,7 +283,6 @@ impl Block {
     }
 
     /// The reason in a block of the CPU with [`Command::Refuse`].
-    #[must_use]
     pub const fn refusal(&self) -> Refusal {
         match Refusal::of(self.0[8]) {
             Some(known) => known,
@@ -315,13 +298,11 @@ impl Block {
     }
 
     /// Length of the job in bytes.
-    #[must_use]
     pub const fn len(&self) -> u16 {
         self.word(10)
     }
 
     /// Whether the length of the job is 0.
-    #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -334,7 +315,6 @@ impl Block {
     }
 
     /// The job in a block of the CPU in the send channel.
-    #[must_use]
     pub const fn order(&self) -> Job {
         Job {
             sf: self.0[8],
@@ -358,7 +338,6 @@ impl Block {
     }
 
     /// The offer in a block of the CP in the receive channel.
-    #[must_use]
     pub const fn header(&self) -> Header {
         let kind = match Offered::of(self.0[12]) {
             Some(known) => known,
@@ -378,7 +357,6 @@ impl Block {
     }
 
     /// The piece, including the bytes after its end.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         &self.0[DATA..]
     }

@@ -48,7 +48,6 @@ pub const FAILED: u8 = 0xE;
 pub type Area = [u8; *IO_BYTES.end()];
 
 /// High and low nibble of byte 0.
-#[must_use]
 pub fn nibbles(area: &[u8]) -> (u8, u8) {
     let byte = area.first().copied().unwrap_or(0);
     (byte >> 4, byte & 0x0F)
@@ -56,7 +55,6 @@ pub fn nibbles(area: &[u8]) -> (u8, u8) {
 
 /// Nibble of piece `n` (from 0) of a stream of `total` bytes, divided into pieces of `piece` bytes. Fragments between
 /// the first and the last are numbered 0 to 7 repeatedly. [S3 L315]
-#[must_use]
 pub const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
     if (n + 1) * piece >= total {
         LAST

@@ -84,25 +84,21 @@ pub const COUNT_BITS: u16 = 0x07FF;
 pub type Registers = [u8; REGISTER_BYTES];
 
 /// First word (`RX`, `RX echo`), big-endian.
-#[must_use]
 pub const fn rx_word(registers: &Registers) -> u16 {
     u16::from_be_bytes([registers[0], registers[1]])
 }
 
 /// Second word (`TX echo`, `TX`), big-endian.
-#[must_use]
 pub const fn tx_word(registers: &Registers) -> u16 {
     u16::from_be_bytes([registers[2], registers[3]])
 }
 
 /// The block after the words.
-#[must_use]
 pub fn block(registers: &Registers) -> &[u8] {
     &registers[REGISTER_BYTES - BLOCK_BYTES..]
 }
 
 /// The registers with these words and this block, filled with zeros.
-#[must_use]
 pub fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
     let mut registers = [0; REGISTER_BYTES];
     registers[..2].copy_from_slice(&rx.to_be_bytes());
@@ -114,13 +110,11 @@ pub fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
 }
 
 /// A word as a line command: its bits 0 to 10.
-#[must_use]
 pub const fn line_command(word: u16) -> Option<u16> {
     if word & KIND == LINE { Some(word & COUNT_BITS) } else { None }
 }
 
 /// A word as framing and count of RK 512; `None` for other words.
-#[must_use]
 pub const fn framed_count(word: u16) -> Option<(u16, usize)> {
     match word & KIND {
         framing @ (OWN_ORDER | PARTNER_ORDER) => Some((framing, (word & COUNT_BITS) as usize)),
@@ -130,13 +124,11 @@ pub const fn framed_count(word: u16) -> Option<(u16, usize)> {
 }
 
 /// Whether a word is a first count of any protocol: a count, possibly framed or for the Modbus output area.
-#[must_use]
 pub const fn is_telegram_of_any_kind(word: u16) -> bool {
     word & COUNT_BITS != 0 && matches!(word & KIND, 0 | AREA | OWN_ORDER | PARTNER_ORDER)
 }
 
 /// A word as a count of bytes, possibly too large for a telegram.
-#[must_use]
 pub const fn count(word: u16) -> Option<usize> {
     if word & !COUNT_BITS == 0 { Some(word as usize) } else { None }
 }

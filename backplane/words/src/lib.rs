@@ -13,6 +13,7 @@ pub mod any;
 pub mod boxes;
 pub mod channels;
 mod codes;
+mod counter;
 pub mod cp040;
 pub mod cp240;
 pub mod cp341_events;
@@ -21,5 +22,6 @@ mod leds;
 mod reason;
 pub mod slio;
 
+pub use counter::Counter;
 pub use leds::Leds;
 pub use reason::{Reason, Why};

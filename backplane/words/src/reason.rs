@@ -1,6 +1,6 @@
 //! Why a CP does nothing, or fails: the content of `cp.reason` in its segment (docs/backplane.md).
 
-use crate::codes::codes;
+use crate::codes;
 
 codes! {
     /// What a CP waits for, or what has failed.
@@ -44,7 +44,6 @@ impl Reason {
     pub const COUNT_MAX: u32 = 0xFFF;
 
     /// A state: something that does not count.
-    #[must_use]
     pub const fn state(why: Why, number: u16) -> Self {
         Self { why, number, count: 0 }
     }

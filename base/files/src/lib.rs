@@ -1,4 +1,5 @@
-//! Files: read with a limit, and written so that a name always stands for a whole content.
+//! A fence: the way to the disk, also for crates that are not allowed to touch it by themselves. Files are read with a
+//! limit, and written so that a name always stands for a whole content.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};

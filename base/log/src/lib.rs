@@ -232,7 +232,6 @@ fn hand_over(sender: &SyncSender<Message>, message: Message) {
 }
 
 /// Texts that could not be written so far: the reader is gone or too slow, or the disk is full.
-#[must_use]
 pub fn lost() -> u64 {
     LOST.load(Ordering::Relaxed)
 }
@@ -274,13 +273,11 @@ impl io::Write for Log {
 }
 
 /// Whether standard error is a terminal.
-#[must_use]
 pub fn is_terminal() -> bool {
     io::stderr().is_terminal()
 }
 
 /// Whether a text has colours: only on a terminal, and not where `NO_COLOR` has a value (no-color.org).
-#[must_use]
 pub fn is_coloured(is_terminal: bool) -> bool {
     is_terminal && !forbids_colour(std::env::var_os("NO_COLOR").as_deref())
 }

@@ -39,7 +39,6 @@ pub struct Limit {
 
 impl Limit {
     /// `at_once` without a gap, then one more after each `gap`.
-    #[must_use]
     pub const fn new(at_once: u32, gap: Duration) -> Self {
         Self { at_once, gap, free: at_once, since: None, left_out: 0 }
     }

@@ -66,7 +66,6 @@ pub fn confine() -> Result<Vec<Refusal>, String> {
 }
 
 /// Says in the log what the kernel refused, or why the process is not confined; false: then the process must end.
-#[must_use]
 pub fn tell(raised: &Result<Vec<Refusal>, String>) -> bool {
     match raised {
         Ok(refused) => refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}")),
@@ -77,7 +76,6 @@ pub fn tell(raised: &Result<Vec<Refusal>, String>) -> bool {
 
 /// Tries forbidden actions, and logs for each whether it was refused. True if all were refused and allowed actions
 /// still work.
-#[must_use]
 pub fn self_test() -> bool {
     let parent = getppid();
     let tries: [(&str, bool); 14] = [

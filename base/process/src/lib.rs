@@ -36,7 +36,6 @@ pub fn start_log() {
 
 /// Ctrl-C on a terminal reaches the whole group; the runtime handles it, and ends us by closing what it has
 /// handed over. The returned flag is set by SIGTERM.
-#[must_use]
 pub fn signals() -> Arc<AtomicBool> {
     let ignored = Arc::new(AtomicBool::new(false));
     let terminate = Arc::new(AtomicBool::new(false));
@@ -49,7 +48,6 @@ pub fn signals() -> Arc<AtomicBool> {
 }
 
 /// The descriptors that the runtime has sent over the socket that is our standard output, the segment's first.
-#[must_use]
 pub fn handed_over() -> Vec<OwnedFd> {
     match handover::receive(rustix::stdio::stdout(), &mut [0]) {
         Ok(Some((_, descriptors))) => descriptors,

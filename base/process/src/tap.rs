@@ -67,7 +67,6 @@ impl Tap {
     }
 
     /// Whether there are no listeners.
-    #[must_use]
     pub fn is_alone(&self) -> bool {
         self.listeners.is_empty()
     }
@@ -86,7 +85,6 @@ impl Tap {
     }
 
     /// The descriptor that becomes readable when somebody calls; none while nobody can be admitted.
-    #[must_use]
     pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
         self.socket.as_ref()?.fd(now)
     }

@@ -33,7 +33,6 @@ impl User {
     }
 
     /// Whether this process is that user already.
-    #[must_use]
     pub fn is_us(&self) -> bool {
         geteuid().as_raw() == self.uid
     }

@@ -29,7 +29,6 @@ impl FaultRates {
         Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: Span::ZERO };
 
     /// All faults at the same rate, in characters per million; delays up to 300 ms.
-    #[must_use]
     pub const fn all(rate: u32) -> Self {
         Self {
             flip: rate,

@@ -73,7 +73,6 @@ pub struct Record<'a> {
 
 impl<'a> Record<'a> {
     /// Reads a record; `None`: it is not a record of this version.
-    #[must_use]
     pub fn read(bytes: &'a [u8]) -> Option<Self> {
         let (time, rest) = bytes.split_first_chunk::<8>()?;
         let (kind, data) = rest.split_first()?;
@@ -82,7 +81,6 @@ impl<'a> Record<'a> {
     }
 
     /// Its first bytes; the data follow.
-    #[must_use]
     pub fn head(time: Instant, kind: Kind) -> [u8; HEAD] {
         let mut head = [0; HEAD];
         head[..8].copy_from_slice(&time.nanos().to_le_bytes());
@@ -92,7 +90,6 @@ impl<'a> Record<'a> {
 }
 
 /// The byte of a [`Kind::Fault`]. A line that goes down or comes up has records of its own.
-#[must_use]
 pub const fn number_of(fault: LineFault) -> u8 {
     match fault {
         LineFault::Parity => 1,
@@ -103,7 +100,6 @@ pub const fn number_of(fault: LineFault) -> u8 {
 }
 
 /// The fault of such a byte.
-#[must_use]
 pub const fn fault_of(number: u8) -> LineFault {
     match number {
         1 => LineFault::Parity,

@@ -60,7 +60,6 @@ pub struct LineSettings {
 
 impl LineSettings {
     /// Length of a character in half bits: start bit, data bits, parity bit, stop bits.
-    #[must_use]
     pub const fn half_bits(&self) -> u32 {
         let parity = if matches!(self.parity, Parity::None) { 0 } else { 2 };
         let stop = match self.stop_bits {
@@ -72,7 +71,6 @@ impl LineSettings {
     }
 
     /// Time of this many characters on the line, rounded up.
-    #[must_use]
     pub const fn time_of(&self, characters: usize) -> Span {
         let half_bits = (self.half_bits() as u64).saturating_mul(characters as u64);
         let baud = if self.baud == 0 { 1 } else { self.baud as u64 };
@@ -80,7 +78,6 @@ impl LineSettings {
     }
 
     /// Time of one character.
-    #[must_use]
     pub const fn char_time(&self) -> Span {
         self.time_of(1)
     }

@@ -37,7 +37,6 @@ impl ModemLines {
     pub const UNREPORTED: Self = Self { cts: true, dsr: true, ri: false, cd: true };
 
     /// CTS, DSR, RI, CD as bits 0 to 3.
-    #[must_use]
     pub fn bits(self) -> u8 {
         [self.cts, self.dsr, self.ri, self.cd].into_iter().rev().fold(0, |bits, on| bits << 1 | u8::from(on))
     }

@@ -126,13 +126,11 @@ impl Listener {
     }
 
     /// The descriptor that becomes readable when somebody calls; none while nobody is accepted.
-    #[must_use]
     pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
         self.deaf_until.is_none_or(|until| now >= until).then(|| self.fd.as_fd())
     }
 
     /// When callers are to be accepted again; none: they are accepted.
-    #[must_use]
     pub const fn deaf_until(&self) -> Option<Instant> {
         self.deaf_until
     }

@@ -15,63 +15,54 @@ impl Instant {
     pub const NEVER: Self = Self(u64::MAX);
 
     /// So many nanoseconds after the start.
-    #[must_use]
     #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
     /// So many microseconds after the start; [`Instant::NEVER`] if that is beyond it.
-    #[must_use]
     #[inline]
     pub const fn from_micros(micros: u64) -> Self {
         Self(Span::from_micros(micros).nanos())
     }
 
     /// So many milliseconds after the start; [`Instant::NEVER`] if that is beyond it.
-    #[must_use]
     #[inline]
     pub const fn from_millis(millis: u64) -> Self {
         Self(Span::from_millis(millis).nanos())
     }
 
     /// So many seconds after the start; [`Instant::NEVER`] if that is beyond it.
-    #[must_use]
     #[inline]
     pub const fn from_secs(secs: u64) -> Self {
         Self(Span::from_secs(secs).nanos())
     }
 
     /// Nanoseconds since the start.
-    #[must_use]
     #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
     /// Whole microseconds since the start.
-    #[must_use]
     #[inline]
     pub const fn micros(self) -> u64 {
         self.since_start().micros()
     }
 
     /// Whole milliseconds since the start.
-    #[must_use]
     #[inline]
     pub const fn millis(self) -> u64 {
         self.since_start().millis()
     }
 
     /// The time since the start.
-    #[must_use]
     #[inline]
     pub const fn since_start(self) -> Span {
         Span::from_nanos(self.0)
     }
 
     /// The time since an earlier instant; 0 if that is not earlier.
-    #[must_use]
     #[inline]
     pub const fn since(self, earlier: Self) -> Span {
         Span::from_nanos(self.0.saturating_sub(earlier.0))

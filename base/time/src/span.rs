@@ -20,91 +20,78 @@ impl Span {
     pub const SECOND: Self = Self(1_000_000_000);
 
     /// A span of so many nanoseconds.
-    #[must_use]
     #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
     /// So many microseconds; the longest span if that is too many.
-    #[must_use]
     #[inline]
     pub const fn from_micros(micros: u64) -> Self {
         Self::MICROSECOND.times(micros)
     }
 
     /// So many milliseconds; the longest span if that is too many.
-    #[must_use]
     #[inline]
     pub const fn from_millis(millis: u64) -> Self {
         Self::MILLISECOND.times(millis)
     }
 
     /// So many seconds; the longest span if that is too many.
-    #[must_use]
     #[inline]
     pub const fn from_secs(secs: u64) -> Self {
         Self::SECOND.times(secs)
     }
 
     /// The span in nanoseconds, exactly.
-    #[must_use]
     #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
     /// Microseconds, rounded down to whole ones.
-    #[must_use]
     #[inline]
     pub const fn micros(self) -> u64 {
         self.0 / Self::MICROSECOND.0
     }
 
     /// Milliseconds, rounded down to whole ones.
-    #[must_use]
     #[inline]
     pub const fn millis(self) -> u64 {
         self.0 / Self::MILLISECOND.0
     }
 
     /// Seconds, rounded down to whole ones.
-    #[must_use]
     #[inline]
     pub const fn secs(self) -> u64 {
         self.0 / Self::SECOND.0
     }
 
     /// Milliseconds with their fraction, for tables and logs.
-    #[must_use]
     #[inline]
     pub const fn as_millis_f64(self) -> f64 {
         self.0 as f64 / Self::MILLISECOND.0 as f64
     }
 
     /// Microseconds with their fraction, for tables and logs.
-    #[must_use]
     #[inline]
     pub const fn as_micros_f64(self) -> f64 {
         self.0 as f64 / Self::MICROSECOND.0 as f64
     }
 
     /// Seconds with their fraction, for tables and logs.
-    #[must_use]
     #[inline]
     pub const fn as_secs_f64(self) -> f64 {
         self.0 as f64 / Self::SECOND.0 as f64
     }
 
     /// Nanoseconds beyond the whole seconds.
-    #[must_use]
     #[inline]
     pub const fn subsec_nanos(self) -> u64 {
         self.0 % Self::SECOND.0
     }
 
     /// Whether it is zero.
-    #[must_use]
     #[inline]
     pub const fn is_zero(self) -> bool {
         self.0 == 0
@@ -148,7 +135,6 @@ impl Span {
     ///
     /// # Panics
     /// `other` is 0.
-    #[must_use]
     #[inline]
     pub const fn div_ceil(self, other: Self) -> u64 {
         self.0.div_ceil(other.0)

@@ -19,7 +19,6 @@ pub struct WatchedTime {
 
 impl WatchedTime {
     /// From `now` on; of a gap at most `most` counts.
-    #[must_use]
     pub const fn new(now: Instant, most: Span) -> Self {
         Self { time: now, looked: now, most }
     }
@@ -32,7 +31,6 @@ impl WatchedTime {
     }
 
     /// The watched time at the last look.
-    #[must_use]
     pub const fn time(&self) -> Instant {
         self.time
     }

@@ -30,7 +30,6 @@ pub const ANY_TYPES: [(&str, u8); 20] = [
 ];
 
 /// Type code and number of elements of an ANY to an operand; composed variables count in bytes.
-#[must_use]
 pub fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
     if let Some(code) = actual
         .filter(|ty| ty.elementary_bits().is_some())
@@ -60,7 +59,6 @@ fn instance(width: Width, at: BitAddr) -> Operand {
 }
 
 /// An operand in the local data.
-#[must_use]
 pub fn local(width: Width, byte: u32) -> Operand {
     Operand { width, place: Place::Fixed(Area::Local, BitAddr::byte_addr(byte)) }
 }
@@ -119,7 +117,6 @@ pub struct Handed {
 
 impl Handed {
     /// The operations that put it together.
-    #[must_use]
     pub fn ops(&self) -> Vec<Op> {
         let mut ops = Vec::new();
         pointer(&|width, byte| local(width, self.byte + byte), Pointee::Instance(self.to), self.any, &mut ops);
@@ -127,13 +124,11 @@ impl Handed {
     }
 
     /// What hands it over.
-    #[must_use]
     pub fn arg(&self) -> Arg {
         Arg::Operand(local(Width::Byte, self.byte))
     }
 
     /// The one that is put together where this code begins.
-    #[must_use]
     pub fn at(code: &[Stmt]) -> Option<Self> {
         let op = |at: usize| code.get(at).map(|stmt| &stmt.op);
         let (any, rest) = match op(0)? {
@@ -149,7 +144,6 @@ impl Handed {
     }
 
     /// Whether something of this type can be its variable.
-    #[must_use]
     pub fn fits(&self, ty: &DataType) -> bool {
         !matches!(ty, DataType::Any | DataType::Pointer)
             && self.any.is_none_or(|any| any == any_length(instance(Width::Byte, self.to), Some(ty)))
@@ -185,7 +179,6 @@ impl Placing {
     }
 
     /// The operation with its places; `points`: its own constant is a pointer into the hidden local data.
-    #[must_use]
     pub fn op(&self, op: Op, points: bool) -> Op {
         let bits = |v: u32| (v & 0xFF00_0000) | (self.byte((v & 0x00FF_FFFF) / 8) * 8);
         match op {

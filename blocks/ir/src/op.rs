@@ -1,6 +1,6 @@
 //! The operations, each one STL statement. Meaning: "Statement List (STL) for S7-300 and S7-400" reference.
 
-use ob1_model::{BitAddr, TimerKind};
+use ob1_model::{BitAddr, TimerKind, named};
 
 use crate::call::Call;
 use crate::place::{AddressRegister, DbRegister, Number, Operand, Place};
@@ -19,36 +19,22 @@ impl Logic {
     pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
 }
 
-/// A condition of the status word, as an operand of `U O X` (`==0 >0 <0 <>0 >=0 <=0 UO OV OS BIE`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "named as the reference names them")]
-pub enum StatusBit {
-    Zero,
-    Positive,
-    Negative,
-    NotZero,
-    NotNegative,
-    NotPositive,
-    Unordered,
-    Overflow,
-    StoredOverflow,
-    BinaryResult,
-}
-
-impl StatusBit {
-    /// Every condition, each once.
-    pub const ALL: [Self; 10] = [
-        Self::Zero,
-        Self::Positive,
-        Self::Negative,
-        Self::NotZero,
-        Self::NotNegative,
-        Self::NotPositive,
-        Self::Unordered,
-        Self::Overflow,
-        Self::StoredOverflow,
-        Self::BinaryResult,
-    ];
+named! {
+    /// A condition of the status word, as an operand of `U O X`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "named as the reference names them")]
+    pub enum StatusBit {
+        Zero = "==0",
+        Positive = ">0",
+        Negative = "<0",
+        NotZero = "<>0",
+        NotNegative = ">=0",
+        NotPositive = "<=0",
+        Unordered = "UO",
+        Overflow = "OV",
+        StoredOverflow = "OS",
+        BinaryResult = "BIE",
+    }
 }
 
 /// What a bit statement scans.
@@ -64,260 +50,162 @@ pub enum BitTest {
     Status(StatusBit),
 }
 
-/// The number formats of arithmetic and comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the letters of the reference: I, D, R")]
-pub enum NumberFormat {
-    Int,
-    DInt,
-    Real,
-}
-
-impl NumberFormat {
-    /// Every format, each once.
-    pub const ALL: [Self; 3] = [Self::Int, Self::DInt, Self::Real];
-}
-
-/// Comparison of ACCU2 with ACCU1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Compare {
-    Equal,
-    NotEqual,
-    Greater,
-    Less,
-    GreaterEqual,
-    LessEqual,
-}
-
-impl Compare {
-    /// Every comparison, each once.
-    pub const ALL: [Self; 6] =
-        [Self::Equal, Self::NotEqual, Self::Greater, Self::Less, Self::GreaterEqual, Self::LessEqual];
-}
-
-/// Arithmetic of ACCU2 with ACCU1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum AccuOp {
-    Add,
-    Sub,
-    Mul,
-    Div,
-    /// `MOD`: the rest of a division, DINT only.
-    Mod,
-}
-
-impl AccuOp {
-    /// Every operation, each once.
-    pub const ALL: [Self; 5] = [Self::Add, Self::Sub, Self::Mul, Self::Div, Self::Mod];
-}
-
-/// Word logic, bit by bit, of words and double words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum WordLogic {
-    And,
-    Or,
-    Xor,
-}
-
-impl WordLogic {
-    /// Every combination, each once.
-    pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
-}
-
-/// Shifts and rotates of ACCU1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Shift {
-    /// `SLW`: left, word, zeros come in.
-    LeftWord,
-    /// `SRW`: right, word, zeros come in.
-    RightWord,
-    /// `SSI`: right with sign, integer.
-    RightInt,
-    /// `SLD`: left, double word, zeros come in.
-    LeftDWord,
-    /// `SRD`: right, double word, zeros come in.
-    RightDWord,
-    /// `SSD`: right with sign, double integer.
-    RightDInt,
-    /// `RLD`: left around, double word.
-    RotateLeft,
-    /// `RRD`: right around, double word.
-    RotateRight,
-}
-
-impl Shift {
-    /// Every shift and rotation.
-    pub const ALL: [Self; 8] = [
-        Self::LeftWord,
-        Self::RightWord,
-        Self::RightInt,
-        Self::LeftDWord,
-        Self::RightDWord,
-        Self::RightDInt,
-        Self::RotateLeft,
-        Self::RotateRight,
-    ];
-}
-
-/// Conversions of the value in ACCU1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "German mnemonics of the reference")]
-pub enum Convert {
-    Bti,
-    Itb,
-    Btd,
-    Dtb,
-    Itd,
-    Dtr,
-    Rnd,
-    RndPlus,
-    RndMinus,
-    Trunc,
-    Invi,
-    Invd,
-    Negi,
-    Negd,
-    Negr,
-    Abs,
-    /// Swap the two bytes of ACCU1-L.
-    Taw,
-    /// Reverse the four bytes of ACCU1.
-    Tad,
-}
-
-impl Convert {
-    /// Every conversion, each once.
-    pub const ALL: [Self; 18] = [
-        Self::Bti,
-        Self::Itb,
-        Self::Btd,
-        Self::Dtb,
-        Self::Itd,
-        Self::Dtr,
-        Self::Rnd,
-        Self::RndPlus,
-        Self::RndMinus,
-        Self::Trunc,
-        Self::Invi,
-        Self::Invd,
-        Self::Negi,
-        Self::Negd,
-        Self::Negr,
-        Self::Abs,
-        Self::Taw,
-        Self::Tad,
-    ];
-}
-
-/// Floating-point functions of ACCU1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "mnemonics of the reference")]
-pub enum MathFn {
-    Sqr,
-    Sqrt,
-    Ln,
-    Exp,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-}
-
-impl MathFn {
-    /// Its mnemonic, the same in both sets, and the name of its box.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sqr => "SQR",
-            Self::Sqrt => "SQRT",
-            Self::Ln => "LN",
-            Self::Exp => "EXP",
-            Self::Sin => "SIN",
-            Self::Cos => "COS",
-            Self::Tan => "TAN",
-            Self::Asin => "ASIN",
-            Self::Acos => "ACOS",
-            Self::Atan => "ATAN",
-        }
+named! {
+    /// The number formats of arithmetic and comparison.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "the letters of the reference: I, D, R")]
+    pub enum NumberFormat {
+        Int = "I",
+        DInt = "D",
+        Real = "R",
     }
-
-    /// Every function, each once.
-    pub const ALL: [Self; 10] = [
-        Self::Sqr,
-        Self::Sqrt,
-        Self::Ln,
-        Self::Exp,
-        Self::Sin,
-        Self::Cos,
-        Self::Tan,
-        Self::Asin,
-        Self::Acos,
-        Self::Atan,
-    ];
 }
 
-/// Jump conditions; German mnemonics in the documentation of each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Jump {
-    /// `SPA`: always, whatever the RLO is.
-    Always,
-    /// `SPB`: RLO = 1.
-    IfRlo,
-    /// `SPBN`: RLO = 0.
-    IfNotRlo,
-    /// `SPBB`: RLO = 1, and RLO into BR.
-    IfRloSaveBr,
-    /// `SPBNB`: RLO = 0, and RLO into BR.
-    IfNotRloSaveBr,
-    /// `SPBI`: BR = 1.
-    IfBr,
-    /// `SPBIN`: BR = 0.
-    IfNotBr,
-    /// `SPO`: OV = 1.
-    IfOverflow,
-    /// `SPS`: OS = 1, and OS := 0.
-    IfStoredOverflow,
-    /// `SPZ`: result = 0.
-    IfZero,
-    /// `SPN`: result <> 0.
-    IfNotZero,
-    /// `SPP`: result > 0.
-    IfPositive,
-    /// `SPM`: result < 0.
-    IfNegative,
-    /// `SPPZ`: result >= 0.
-    IfNotNegative,
-    /// `SPMZ`: result <= 0.
-    IfNotPositive,
-    /// `SPU`: unordered, overflow in a division.
-    IfUnordered,
+named! {
+    /// Comparison of ACCU2 with ACCU1.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "the names say it")]
+    pub enum Compare {
+        Equal = "==",
+        NotEqual = "<>",
+        Greater = ">",
+        Less = "<",
+        GreaterEqual = ">=",
+        LessEqual = "<=",
+    }
 }
 
-impl Jump {
-    /// Every condition, each once.
-    pub const ALL: [Self; 16] = [
-        Self::Always,
-        Self::IfRlo,
-        Self::IfNotRlo,
-        Self::IfRloSaveBr,
-        Self::IfNotRloSaveBr,
-        Self::IfBr,
-        Self::IfNotBr,
-        Self::IfOverflow,
-        Self::IfStoredOverflow,
-        Self::IfZero,
-        Self::IfNotZero,
-        Self::IfPositive,
-        Self::IfNegative,
-        Self::IfNotNegative,
-        Self::IfNotPositive,
-        Self::IfUnordered,
-    ];
+named! {
+    /// Arithmetic of ACCU2 with ACCU1.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "the names say it")]
+    pub enum AccuOp {
+        Add = "+",
+        Sub = "-",
+        Mul = "*",
+        Div = "/",
+        /// `MOD`: the rest of a division, DINT only.
+        Mod = "MOD",
+    }
+}
+
+named! {
+    /// Word logic, bit by bit, of words and double words, named by their German mnemonics without the width.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "the names say it")]
+    pub enum WordLogic {
+        And = "U",
+        Or = "O",
+        Xor = "XO",
+    }
+}
+
+named! {
+    /// Shifts and rotates of ACCU1, named by their mnemonics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Shift {
+        /// Left, word, zeros come in.
+        LeftWord = "SLW",
+        /// Right, word, zeros come in.
+        RightWord = "SRW",
+        /// Right with sign, integer.
+        RightInt = "SSI",
+        /// Left, double word, zeros come in.
+        LeftDWord = "SLD",
+        /// Right, double word, zeros come in.
+        RightDWord = "SRD",
+        /// Right with sign, double integer.
+        RightDInt = "SSD",
+        /// Left around, double word.
+        RotateLeft = "RLD",
+        /// Right around, double word.
+        RotateRight = "RRD",
+    }
+}
+
+named! {
+    /// Conversions of the value in ACCU1, named by their German mnemonics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "mnemonics of the reference")]
+    pub enum Convert {
+        Bti = "BTI",
+        Itb = "ITB",
+        Btd = "BTD",
+        Dtb = "DTB",
+        Itd = "ITD",
+        Dtr = "DTR",
+        Rnd = "RND",
+        RndPlus = "RND+",
+        RndMinus = "RND-",
+        Trunc = "TRUNC",
+        Invi = "INVI",
+        Invd = "INVD",
+        Negi = "NEGI",
+        Negd = "NEGD",
+        Negr = "NEGR",
+        Abs = "ABS",
+        /// Swap the two bytes of ACCU1-L.
+        Taw = "TAW",
+        /// Reverse the four bytes of ACCU1.
+        Tad = "TAD",
+    }
+}
+
+named! {
+    /// Floating-point functions of ACCU1. The mnemonics are the same in both sets, and the names of the boxes.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[expect(missing_docs, reason = "mnemonics of the reference")]
+    pub enum MathFn {
+        Sqr = "SQR",
+        Sqrt = "SQRT",
+        Ln = "LN",
+        Exp = "EXP",
+        Sin = "SIN",
+        Cos = "COS",
+        Tan = "TAN",
+        Asin = "ASIN",
+        Acos = "ACOS",
+        Atan = "ATAN",
+    }
+}
+
+named! {
+    /// Jump conditions, named by their German mnemonics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Jump {
+        /// Always, whatever the RLO is.
+        Always = "SPA",
+        /// RLO = 1.
+        IfRlo = "SPB",
+        /// RLO = 0.
+        IfNotRlo = "SPBN",
+        /// RLO = 1, and RLO into BR.
+        IfRloSaveBr = "SPBB",
+        /// RLO = 0, and RLO into BR.
+        IfNotRloSaveBr = "SPBNB",
+        /// BR = 1.
+        IfBr = "SPBI",
+        /// BR = 0.
+        IfNotBr = "SPBIN",
+        /// OV = 1.
+        IfOverflow = "SPO",
+        /// OS = 1, and OS := 0.
+        IfStoredOverflow = "SPS",
+        /// Result = 0.
+        IfZero = "SPZ",
+        /// Result <> 0.
+        IfNotZero = "SPN",
+        /// Result > 0.
+        IfPositive = "SPP",
+        /// Result < 0.
+        IfNegative = "SPM",
+        /// Result >= 0.
+        IfNotNegative = "SPPZ",
+        /// Result <= 0.
+        IfNotPositive = "SPMZ",
+        /// Unordered, overflow in a division.
+        IfUnordered = "SPU",
+    }
 }
 
 impl Op {
@@ -325,7 +213,6 @@ impl Op {
     pub const BUILDS: std::ops::RangeInclusive<u8> = 100..=103;
 
     /// `BLD n`: a mark of a graphical network, or no operation.
-    #[must_use]
     pub fn build(number: u8) -> Self {
         if Self::BUILDS.contains(&number) { Op::Build(number) } else { Op::Nop }
     }

@@ -35,7 +35,6 @@ pub struct CodeBlock {
 
 impl CodeBlock {
     /// The same statements and declarations: names and lines of the source do not count.
-    #[must_use]
     pub fn means(&self, other: &Self) -> bool {
         self.id == other.id
             && self.interface == other.interface
@@ -45,7 +44,6 @@ impl CodeBlock {
 
     /// Bytes of local data, an even number, that absolute operands (`L 10.0`, `LW 20`) and the pointers behind a
     /// `UC` or `CC` (`P#V 20.0`) reach into. What such a pointer leads to is at most an ANY.
-    #[must_use]
     pub fn local_bytes(code: &[Stmt]) -> u32 {
         let any = Layout::bits(&DataType::Any).div_ceil(8);
         let mut bytes = 0;

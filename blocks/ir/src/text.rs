@@ -5,13 +5,12 @@
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
-use ob1_model::{Area, BitAddr, Interface, Section, TimerKind, Width};
+use ob1_model::{Area, BitAddr, Interface, Section, Width};
 
 use crate::layout_text::{components, type_text};
 use crate::{
-    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind,
-    DbRegister, Jump, Logic, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit, Target,
-    WordLogic,
+    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, DataKind, DbRegister, Logic, Number,
+    NumberFormat, Op, Operand, Place, Pointer, Program, Target,
 };
 
 /// The letter of a width, `X B W D`.
@@ -99,18 +98,7 @@ impl Display for BitTest {
             BitTest::Bit(place) => write!(f, "{}", Operand { width: Width::Bit, place: *place }),
             BitTest::Timer(n) => write!(f, "T {n}"),
             BitTest::Counter(n) => write!(f, "Z {n}"),
-            BitTest::Status(status) => f.write_str(match status {
-                StatusBit::Zero => "==0",
-                StatusBit::Positive => ">0",
-                StatusBit::Negative => "<0",
-                StatusBit::NotZero => "<>0",
-                StatusBit::NotNegative => ">=0",
-                StatusBit::NotPositive => "<=0",
-                StatusBit::Unordered => "UO",
-                StatusBit::Overflow => "OV",
-                StatusBit::StoredOverflow => "OS",
-                StatusBit::BinaryResult => "BIE",
-            }),
+            BitTest::Status(status) => f.write_str(status.name()),
         }
     }
 }
@@ -123,110 +111,6 @@ pub(crate) fn logic(logic: Logic, negate: bool) -> &'static str {
         (Logic::Or, true) => "ON",
         (Logic::Xor, false) => "X",
         (Logic::Xor, true) => "XN",
-    }
-}
-
-pub(crate) const fn format_letter(format: NumberFormat) -> &'static str {
-    match format {
-        NumberFormat::Int => "I",
-        NumberFormat::DInt => "D",
-        NumberFormat::Real => "R",
-    }
-}
-
-pub(crate) const fn arithmetic(op: AccuOp) -> &'static str {
-    match op {
-        AccuOp::Add => "+",
-        AccuOp::Sub => "-",
-        AccuOp::Mul => "*",
-        AccuOp::Div => "/",
-        AccuOp::Mod => "MOD",
-    }
-}
-
-pub(crate) const fn relation(how: Compare) -> &'static str {
-    match how {
-        Compare::Equal => "==",
-        Compare::NotEqual => "<>",
-        Compare::Greater => ">",
-        Compare::Less => "<",
-        Compare::GreaterEqual => ">=",
-        Compare::LessEqual => "<=",
-    }
-}
-
-pub(crate) const fn word_logic(logic: WordLogic) -> &'static str {
-    match logic {
-        WordLogic::And => "U",
-        WordLogic::Or => "O",
-        WordLogic::Xor => "XO",
-    }
-}
-
-pub(crate) const fn shift(shift: Shift) -> &'static str {
-    match shift {
-        Shift::LeftWord => "SLW",
-        Shift::RightWord => "SRW",
-        Shift::RightInt => "SSI",
-        Shift::LeftDWord => "SLD",
-        Shift::RightDWord => "SRD",
-        Shift::RightDInt => "SSD",
-        Shift::RotateLeft => "RLD",
-        Shift::RotateRight => "RRD",
-    }
-}
-
-pub(crate) const fn convert(convert: Convert) -> &'static str {
-    match convert {
-        Convert::Bti => "BTI",
-        Convert::Itb => "ITB",
-        Convert::Btd => "BTD",
-        Convert::Dtb => "DTB",
-        Convert::Itd => "ITD",
-        Convert::Dtr => "DTR",
-        Convert::Rnd => "RND",
-        Convert::RndPlus => "RND+",
-        Convert::RndMinus => "RND-",
-        Convert::Trunc => "TRUNC",
-        Convert::Invi => "INVI",
-        Convert::Invd => "INVD",
-        Convert::Negi => "NEGI",
-        Convert::Negd => "NEGD",
-        Convert::Negr => "NEGR",
-        Convert::Abs => "ABS",
-        Convert::Taw => "TAW",
-        Convert::Tad => "TAD",
-    }
-}
-
-pub(crate) const fn jump(jump: Jump) -> &'static str {
-    match jump {
-        Jump::Always => "SPA",
-        Jump::IfRlo => "SPB",
-        Jump::IfNotRlo => "SPBN",
-        Jump::IfRloSaveBr => "SPBB",
-        Jump::IfNotRloSaveBr => "SPBNB",
-        Jump::IfBr => "SPBI",
-        Jump::IfNotBr => "SPBIN",
-        Jump::IfOverflow => "SPO",
-        Jump::IfStoredOverflow => "SPS",
-        Jump::IfZero => "SPZ",
-        Jump::IfNotZero => "SPN",
-        Jump::IfPositive => "SPP",
-        Jump::IfNegative => "SPM",
-        Jump::IfNotNegative => "SPPZ",
-        Jump::IfNotPositive => "SPMZ",
-        Jump::IfUnordered => "SPU",
-    }
-}
-
-pub(crate) const fn timer(kind: TimerKind) -> &'static str {
-    match kind {
-        TimerKind::Pulse => "SI",
-        TimerKind::ExtendedPulse => "SV",
-        TimerKind::OnDelay => "SE",
-        TimerKind::RetentiveOnDelay => "SS",
-        TimerKind::OffDelay => "SA",
     }
 }
 
@@ -263,20 +147,20 @@ impl Display for Op {
             Op::LoadDbLength(r) => write!(f, "L {r}LG"),
             Op::LoadDbNumber(r) => write!(f, "L {r}NO"),
             Op::Arithmetic(NumberFormat::DInt, AccuOp::Mod) => f.write_str("MOD"),
-            Op::Arithmetic(format, op) => write!(f, "{}{}", arithmetic(*op), format_letter(*format)),
+            Op::Arithmetic(format, op) => write!(f, "{}{}", op.name(), format.name()),
             Op::AddConst { format: NumberFormat::DInt, value } => write!(f, "+ L#{value}"),
             Op::AddConst { format: NumberFormat::Real, value } => write!(f, "+ R#{value}"),
             Op::AddConst { value, .. } => write!(f, "+ {value}"),
-            Op::Compare(format, how) => write!(f, "{}{}", relation(*how), format_letter(*format)),
-            Op::WordLogic(l, None) => write!(f, "{}W", word_logic(*l)),
-            Op::WordLogic(l, Some(v)) => write!(f, "{}W W#16#{v:X}", word_logic(*l)),
-            Op::DWordLogic(l, None) => write!(f, "{}D", word_logic(*l)),
-            Op::DWordLogic(l, Some(v)) => write!(f, "{}D DW#16#{v:X}", word_logic(*l)),
-            Op::Shift(s, None) => f.write_str(shift(*s)),
-            Op::Shift(s, Some(n)) => write!(f, "{} {n}", shift(*s)),
+            Op::Compare(format, how) => write!(f, "{}{}", how.name(), format.name()),
+            Op::WordLogic(l, None) => write!(f, "{}W", l.name()),
+            Op::WordLogic(l, Some(v)) => write!(f, "{}W W#16#{v:X}", l.name()),
+            Op::DWordLogic(l, None) => write!(f, "{}D", l.name()),
+            Op::DWordLogic(l, Some(v)) => write!(f, "{}D DW#16#{v:X}", l.name()),
+            Op::Shift(s, None) => f.write_str(s.name()),
+            Op::Shift(s, Some(n)) => write!(f, "{} {n}", s.name()),
             Op::RotateLeftCc1 => f.write_str("RLDA"),
             Op::RotateRightCc1 => f.write_str("RRDA"),
-            Op::Convert(c) => f.write_str(convert(*c)),
+            Op::Convert(c) => f.write_str(c.name()),
             Op::Math(m) => f.write_str(m.name()),
             Op::ExchangeAccus => f.write_str("TAK"),
             Op::Push => f.write_str("PUSH"),
@@ -297,7 +181,7 @@ impl Display for Op {
             Op::AddArConst(r, at) => write!(f, "+AR{} P#{at}", register(r)),
             Op::OpenDb(r, n) => write!(f, "AUF {r} {n}"),
             Op::ExchangeDbs => f.write_str("TDB"),
-            Op::StartTimer(kind, n) => write!(f, "{} T {n}", timer(*kind)),
+            Op::StartTimer(kind, n) => write!(f, "{} T {n}", kind.name()),
             Op::ResetTimer(n) => write!(f, "R T {n}"),
             Op::EnableTimer(n) => write!(f, "FR T {n}"),
             Op::CountUp(n) => write!(f, "ZV Z {n}"),
@@ -305,7 +189,7 @@ impl Display for Op {
             Op::SetCounter(n) => write!(f, "S Z {n}"),
             Op::ResetCounter(n) => write!(f, "R Z {n}"),
             Op::EnableCounter(n) => write!(f, "FR Z {n}"),
-            Op::Jump(j, to) => write!(f, "{} @{to}", jump(*j)),
+            Op::Jump(j, to) => write!(f, "{} @{to}", j.name()),
             Op::Loop(to) => write!(f, "LOOP @{to}"),
             Op::JumpList { targets, otherwise } => {
                 f.write_str("SPL")?;

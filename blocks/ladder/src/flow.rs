@@ -69,7 +69,6 @@ pub struct Flow {
 
 impl Flow {
     /// The state of a piece of the drawing.
-    #[must_use]
     pub fn of(&self, place: Place) -> State {
         let (id, which) = match place {
             Place::Rail => return self.rail,
@@ -83,7 +82,6 @@ impl Flow {
 
 /// The power flow of a pass. `line` gives the record of an operation of the block; `is_plan`: a function plan is drawn,
 /// where each box begins anew.
-#[must_use]
 pub fn flow(network: &Network, tree: &Tree, is_plan: bool, line: &dyn Fn(u32) -> Option<PassLine>) -> Flow {
     let records = network.statements.iter().map(|statement| {
         let last = statement.ops.end.checked_sub(1)?;

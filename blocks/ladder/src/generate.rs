@@ -14,7 +14,6 @@ pub struct Made {
 }
 
 /// The statements of a tree.
-#[must_use]
 pub fn generate(tree: &Tree) -> Vec<Made> {
     let mut out = Generator { made: Vec::new() };
     tree.rungs.iter().for_each(|rung| out.rung(rung));
@@ -298,7 +297,6 @@ fn call_inputs<'n>(node: &'n Node, out: &mut Vec<&'n Input>) {
 }
 
 /// The places that the compiler's bits of this rung lie at.
-#[must_use]
 pub fn carried(tree: &Tree) -> Vec<Place> {
     let mut all = Vec::new();
     tree.rungs.iter().for_each(|rung| carried_by(rung, &mut all));

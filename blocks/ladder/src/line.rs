@@ -8,7 +8,6 @@ use crate::network::Network;
 use crate::tree::{Coil, End, Kind, Node, Rung, Saves, Tree};
 
 /// The rungs of a network, each on a line.
-#[must_use]
 pub fn line(network: &Network, tree: &Tree, options: &Options) -> String {
     let options = Options { longest_name: usize::MAX, ..*options };
     let writer = Writer { names: names(network, options), german: options.mnemonics != Mnemonics::International };

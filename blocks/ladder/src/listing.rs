@@ -9,7 +9,6 @@ use ob1_stl::print::Listing;
 use ob1_stl::{Mnemonics, address_in_set};
 
 /// The listing of a block by the lines of its source, from the first one on.
-#[must_use]
 pub fn listing(block: &CodeBlock, lines: &[&str]) -> Listing {
     let line = |number: u32| lines.get((number as usize).wrapping_sub(1)).copied().unwrap_or_default();
     let mut listing = Listing::default();
@@ -41,7 +40,6 @@ const DECLARATION: u32 = 64 * 1024;
 
 /// Names by addresses in a set of mnemonics: the symbols, of whichever set their table is, and the components of the
 /// data blocks (`DB12.DBX 0.1`: `"Alarms".pump`). Those of very long declarations are left out.
-#[must_use]
 pub fn symbols(program: &Program, mnemonics: Mnemonics) -> BTreeMap<String, String> {
     let symbols = program.symbols.iter();
     let mut all: BTreeMap<String, String> =

@@ -32,7 +32,6 @@ pub struct Merged {
 const MOST: usize = 512;
 
 /// One tree of two; `None`: they are the same.
-#[must_use]
 pub fn merge(old: (&Network, &Tree), new: (&Network, &Tree)) -> Option<Merged> {
     let mut network = new.0.clone();
     let by = old.0.statements.len() as u32;

@@ -80,7 +80,6 @@ impl std::fmt::Debug for View<'_> {
 
 impl View<'_> {
     /// The networks of a block, the empty ones between them too.
-    #[must_use]
     pub fn networks(&self, block: &CodeBlock) -> Vec<Network> {
         let plain = Printer::new(self.mnemonics, self.callees);
         let named = plain.with_symbols(self.symbols);
@@ -200,13 +199,11 @@ impl Network {
     }
 
     /// Nothing but `NOP 0`: somebody has emptied it.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.statements.iter().all(|statement| statement.op == Op::Nop)
     }
 
     /// The first statement whose operations hold this one of the block.
-    #[must_use]
     pub fn at_op(&self, op: u32) -> Option<u32> {
         let at = self.statements.partition_point(|statement| statement.ops.end <= op);
         self.statements.get(at).filter(|statement| statement.ops.start <= op).map(|_| at as u32)
@@ -214,7 +211,6 @@ impl Network {
 }
 
 /// A block's name in a title: `FC 5 "Valve"`.
-#[must_use]
 pub fn title(id: BlockId, name: Option<&str>) -> String {
     name.map_or_else(|| id.to_string(), |name| format!("{id} \"{name}\""))
 }

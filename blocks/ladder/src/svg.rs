@@ -25,13 +25,11 @@ pub const STYLE: &str = "\
 .ladder .off{color:#7aa2ff}.ladder .gone{color:#ff6b6b}}";
 
 /// The drawing of a network. With a flow its parts have the classes `on` and `off`.
-#[must_use]
 pub fn svg(network: &Network, tree: &Tree, drawing: &Drawing, flow: Option<&Flow>) -> String {
     whole(network, tree, drawing, flow, &format!("<style>{STYLE}</style>"))
 }
 
 /// The drawing of a network for a page that has its own colours for the classes.
-#[must_use]
 pub fn bare_svg(network: &Network, tree: &Tree, drawing: &Drawing) -> String {
     whole(network, tree, drawing, None, "")
 }
@@ -60,13 +58,11 @@ fn whole(network: &Network, tree: &Tree, drawing: &Drawing, flow: Option<&Flow>,
 }
 
 /// Width and height of a drawing with its margin, in pixels.
-#[must_use]
 pub const fn size(drawing: &Drawing) -> [usize; 2] {
     [drawing.width * ACROSS + 2 * MARGIN, drawing.height * DOWN + 2 * MARGIN]
 }
 
 /// Number and title: `Network 3: title`.
-#[must_use]
 pub fn heading(network: &Network) -> String {
     let colon = if network.title.is_empty() { "" } else { ": " };
     format!("Network {}{colon}{}", network.number, network.title)
@@ -221,7 +217,6 @@ fn contact(out: &mut String, row: usize, column: usize, text: &str) {
 }
 
 /// A text between tags or quotes.
-#[must_use]
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -21,7 +21,6 @@ pub struct Cell {
 const EMPTY: Cell = Cell { sign: ' ', wires: 0, place: None };
 
 /// The cells of a drawing, row by row.
-#[must_use]
 pub fn cells(drawing: &Drawing, ascii: bool) -> Vec<Vec<Cell>> {
     let mut grid = Grid { rows: vec![vec![EMPTY; drawing.width]; drawing.height], ascii };
     for piece in &drawing.pieces {
@@ -37,7 +36,6 @@ pub fn cells(drawing: &Drawing, ascii: bool) -> Vec<Vec<Cell>> {
 }
 
 /// The lines of a drawing, without blanks at their ends.
-#[must_use]
 pub fn lines(drawing: &Drawing, ascii: bool) -> Vec<String> {
     let line = |row: Vec<Cell>| row.into_iter().map(|cell| cell.sign).collect::<String>().trim_end().to_owned();
     cells(drawing, ascii).into_iter().map(line).collect()

@@ -247,7 +247,6 @@ pub enum Saves {
 
 impl Coil {
     /// It takes the RLO with it: no other coil can hang on the same logic behind it.
-    #[must_use]
     pub const fn is_last(op: &Op) -> bool {
         matches!(op, Op::Jump(..) | Op::EndIf | Op::Call(_) | Op::McrOpen)
     }
@@ -255,7 +254,6 @@ impl Coil {
 
 impl Node {
     /// The part that begins leftmost in its row; of an arm that is its wire.
-    #[must_use]
     pub fn leftmost(&self) -> Option<&Node> {
         match &self.kind {
             Kind::Series { items, .. } | Kind::Parallel(items) | Kind::Xor(items) => items.first()?.leftmost(),

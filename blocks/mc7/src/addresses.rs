@@ -11,7 +11,6 @@ const LIST_HEAD: usize = 4;
 /// The statements of machine code, in order. `offsets`: where each statement of the block begins, as [`crate::encode`]
 /// and [`crate::decode`] give them. What the compiler made of one statement is all of that one; the final `BE` without
 /// a statement of its own is the one behind the last.
-#[must_use]
 pub fn addresses(code: &[u8], offsets: &[u32]) -> Vec<CodeAddress> {
     let mut all: Vec<CodeAddress> = Vec::new();
     let mut at = 0;

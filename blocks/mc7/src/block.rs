@@ -38,7 +38,6 @@ pub(crate) struct Item {
 pub(crate) type Callees<'c> = dyn Fn(BlockId) -> Option<&'c Interface> + 'c;
 
 /// The formals' indices in the order of the list of pointers after a call in machine code.
-#[must_use]
 pub fn list_order(interface: &Interface) -> Vec<u16> {
     let mut order: Vec<(u16, u16)> = interface.list_places().into_iter().zip(0u16..).collect();
     order.sort_unstable();

@@ -137,26 +137,16 @@ pub struct CompiledInterface {
 
 impl Entry {
     /// The section; `None` for a value no section has.
-    #[must_use]
     pub fn section(&self) -> Option<Section> {
         // The attribute of an instance is that of its structure.
         let attribute = match &self.ty {
             EntryType::Instance(_, inner) => inner.attribute,
             _ => self.attribute,
         };
-        Some(match attribute & 7 {
-            1 => Section::Input,
-            2 => Section::Output,
-            3 => Section::InOut,
-            4 => Section::Static,
-            5 => Section::Temp,
-            6 => Section::Return,
-            _ => return None,
-        })
+        SECTIONS.into_iter().zip(1..).find(|(_, code)| *code == attribute & 7).map(|(section, _)| section)
     }
 
     /// True when the entry has a start value.
-    #[must_use]
     pub const fn has_start(&self) -> bool {
         self.attribute & STARTS != 0
     }
@@ -180,16 +170,13 @@ impl Entry {
     }
 }
 
+/// The sections in the order of their codes, from 1.
+const SECTIONS: [Section; 6] =
+    [Section::Input, Section::Output, Section::InOut, Section::Static, Section::Temp, Section::Return];
+
 /// The attribute of a section.
-pub(crate) const fn section_code(section: Section) -> u8 {
-    match section {
-        Section::Input => 1,
-        Section::Output => 2,
-        Section::InOut => 3,
-        Section::Static => 4,
-        Section::Temp => 5,
-        Section::Return => 6,
-    }
+pub(crate) fn section_code(section: Section) -> u8 {
+    SECTIONS.into_iter().zip(1..).find(|(of, _)| *of == section).map_or(0, |(_, code)| code)
 }
 
 impl CompiledInterface {

@@ -38,7 +38,6 @@ impl Names {
 impl CompiledInterface {
     /// The declarations of a code block, laid out, with the names `IN0`, `OUT0`, ... that count in each section.
     /// `has_instance`: the block is an FB or SFB.
-    #[must_use]
     pub fn interface(&self, has_instance: bool) -> Interface {
         let mut start = Start { bytes: Some(&self.start) };
         let mut names = Names::default();
@@ -56,7 +55,6 @@ impl CompiledInterface {
     }
 
     /// Which declarations of [`interface`](Self::interface) are instances of a function block, by their index.
-    #[must_use]
     pub fn instances(&self) -> BTreeMap<usize, BlockId> {
         let placed = self.entries.iter().filter(|e| e.section().is_some()).enumerate();
         placed
@@ -68,7 +66,6 @@ impl CompiledInterface {
     }
 
     /// The declarations of a data block, named as those of [`interface`](Self::interface), with their addresses.
-    #[must_use]
     pub fn components(&self) -> Vec<Component> {
         let instance = matches!(self.kind, InterfaceKind::OfFb | InterfaceKind::OfSfb);
         let interface = self.interface(true);

@@ -38,7 +38,6 @@ pub struct Decoded {
 impl Decoded {
     /// The labels of the block by statement: name `k` of `names` is that of the target of jump `k` of the segment
     /// table. Empty names and entries without a jump name nothing.
-    #[must_use]
     pub fn labels(&self, segments: &Segments, names: &[String]) -> BTreeMap<u32, String> {
         let entries = segments.jumps.iter().zip(names).filter(|(_, name)| !name.is_empty());
         entries.filter_map(|(word, name)| Some((*self.jumps.get(&(u32::from(*word) * 2))?, name.clone()))).collect()
@@ -46,7 +45,6 @@ impl Decoded {
 }
 
 /// How a constant of this form is shown.
-#[must_use]
 pub const fn notation(form: ConstForm) -> Notation {
     match form {
         ConstForm::Byte => Notation::Byte,

@@ -55,7 +55,6 @@ impl Mc7Error {
     }
 
     /// The number of the message, as in `docs/mc7.md`.
-    #[must_use]
     pub const fn code(&self) -> &'static str {
         match self.problem {
             Problem::UnknownStatement => "S1501",

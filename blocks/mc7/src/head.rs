@@ -23,13 +23,11 @@ pub struct Stamp {
 
 impl Stamp {
     /// From the six bytes; all zero: not set.
-    #[must_use]
     pub const fn read(b: [u8; 6]) -> Self {
         Self { ms: u32::from_be_bytes([b[0], b[1], b[2], b[3]]), days: u16::from_be_bytes([b[4], b[5]]) }
     }
 
     /// The six bytes of a head: milliseconds, then days.
-    #[must_use]
     pub fn bytes(self) -> [u8; 6] {
         let [a, b, c, d] = self.ms.to_be_bytes();
         let [e, f] = self.days.to_be_bytes();
@@ -37,7 +35,6 @@ impl Stamp {
     }
 
     /// Year, month and day of the calendar.
-    #[must_use]
     pub fn date(self) -> (u32, u32, u32) {
         calendar::date_of(u32::from(self.days) + DAYS_TO_1984)
     }
@@ -73,32 +70,26 @@ impl BlockHead {
     /// Attribute of a data block that is not retentive.
     pub const NON_RETAIN: u8 = 0x20;
 
+    /// The type bytes of the kinds of blocks.
+    const KINDS: [(u8, BlockKind); 7] = [
+        (0x08, BlockKind::Ob),
+        (0x0A, BlockKind::Db),
+        (0x0B, BlockKind::Sdb),
+        (0x0C, BlockKind::Fc),
+        (0x0D, BlockKind::Sfc),
+        (0x0E, BlockKind::Fb),
+        (0x0F, BlockKind::Sfb),
+    ];
+
     /// The kind of block; `None` for system data.
-    #[must_use]
-    pub const fn block_kind(&self) -> Option<BlockKind> {
-        Some(match self.kind {
-            0x08 => BlockKind::Ob,
-            0x0A => BlockKind::Db,
-            0x0C => BlockKind::Fc,
-            0x0D => BlockKind::Sfc,
-            0x0E => BlockKind::Fb,
-            0x0F => BlockKind::Sfb,
-            _ => return None,
-        })
+    pub fn block_kind(&self) -> Option<BlockKind> {
+        let kind = Self::KINDS.into_iter().find(|(byte, _)| *byte == self.kind).map(|(_, kind)| kind);
+        kind.filter(|kind| *kind != BlockKind::Sdb)
     }
 
     /// The type byte of a kind.
-    #[must_use]
-    pub const fn kind_byte(kind: BlockKind) -> u8 {
-        match kind {
-            BlockKind::Ob => 0x08,
-            BlockKind::Db => 0x0A,
-            BlockKind::Sdb => 0x0B,
-            BlockKind::Fc => 0x0C,
-            BlockKind::Sfc => 0x0D,
-            BlockKind::Fb => 0x0E,
-            BlockKind::Sfb => 0x0F,
-        }
+    pub fn kind_byte(kind: BlockKind) -> u8 {
+        Self::KINDS.into_iter().find(|(_, of)| *of == kind).map_or(0, |(byte, _)| byte)
     }
 }
 

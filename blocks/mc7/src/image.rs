@@ -24,7 +24,6 @@ const VERSION: u8 = 1;
 /// The block of this name; `None` where the program does not have it, or no machine code can be made of it. A data
 /// block has its load values. `known` gives the interfaces of the blocks that are called and are not in the program; of
 /// one of the CPU there is an image, too, with nothing in it but its declarations.
-#[must_use]
 pub fn image<'c>(
     program: &'c Program,
     id: BlockId,
@@ -54,7 +53,6 @@ fn system_image(id: BlockId, interface: &Interface) -> Option<BlockImage> {
 }
 
 /// The machine code of a block of statements as [`image`] has it, and where each of its statements begins there.
-#[must_use]
 pub fn code_of<'c>(
     program: &'c Program,
     id: BlockId,
@@ -66,7 +64,6 @@ pub fn code_of<'c>(
 }
 
 /// The compiled form of the declarations of a block of statements; `known` as for [`image`].
-#[must_use]
 pub fn declarations<'c>(
     program: &'c Program,
     id: BlockId,
@@ -172,7 +169,7 @@ fn declared(components: &[Component]) -> Interface {
     Interface { params, ..Interface::default() }
 }
 
-const fn head(id: BlockId, language: u8) -> BlockHead {
+fn head(id: BlockId, language: u8) -> BlockHead {
     BlockHead {
         version: VERSION,
         attribute: LINKED,

@@ -34,7 +34,6 @@ impl Segments {
     }
 
     /// The bytes of the table.
-    #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         let mut out = Vec::new();
         for part in [&self.networks, &self.jumps] {
@@ -48,7 +47,6 @@ impl Segments {
     }
 
     /// The network, from 1, of the statement at an offset of the code.
-    #[must_use]
     pub fn network_at(&self, offset: usize) -> u16 {
         let mut end = 0usize;
         for (number, length) in (1u16..).zip(&self.networks) {

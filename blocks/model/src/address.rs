@@ -2,31 +2,32 @@
 
 use std::fmt;
 
-/// A memory area as an STL operand names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum Area {
-    /// Process image of the inputs, `E` / `I`.
-    Input,
-    /// Process image of the outputs, `A` / `Q`.
-    Output,
-    /// Bit memory, `M`, from M 0.0 on.
-    Memory,
-    /// Local data of the running block, `L`.
-    Local,
-    /// Local data of the calling block, `V` (area code 87h, in pointers only).
-    PreviousLocal,
-    /// The data block opened with `AUF DB`, `DBX DBB DBW DBD`.
-    Db,
-    /// The data block opened with `AUF DI`, `DIX DIB DIW DID`.
-    Di,
-    /// Peripheral bytes, `PE` when read and `PA` when written; no process image in between.
-    Peripheral,
+named! {
+    /// A memory area, named by the German identifier of STL without its width.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[repr(u8)]
+    pub enum Area {
+        /// Process image of the inputs, `I` in the international set.
+        Input = "E",
+        /// Process image of the outputs, `Q` in the international set.
+        Output = "A",
+        /// Bit memory, from M 0.0 on.
+        Memory = "M",
+        /// Local data of the running block.
+        Local = "L",
+        /// Local data of the calling block (area code 87h, in pointers only).
+        PreviousLocal = "V",
+        /// The data block opened with `AUF DB`, `DBX DBB DBW DBD`.
+        Db = "DB",
+        /// The data block opened with `AUF DI`, `DIX DIB DIW DID`.
+        Di = "DI",
+        /// Peripheral bytes, `PE` when read and `PA` when written; no process image in between.
+        Peripheral = "P",
+    }
 }
 
 impl Area {
     /// The area code in a `P#` pointer (bits 24 to 31), as the STL reference lists them.
-    #[must_use]
     pub const fn pointer_code(self) -> u8 {
         match self {
             Area::Peripheral => 0x80,
@@ -41,7 +42,6 @@ impl Area {
     }
 
     /// The area a pointer code names, or `None` for a code that names none.
-    #[must_use]
     pub const fn from_pointer_code(code: u8) -> Option<Self> {
         Some(match code {
             0x80 => Area::Peripheral,
@@ -55,21 +55,6 @@ impl Area {
             _ => return None,
         })
     }
-
-    /// The German identifier, without width: `E`, `A`, `M`, `L`, `V`, `DB`, `DI`, `P`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Area::Input => "E",
-            Area::Output => "A",
-            Area::Memory => "M",
-            Area::Local => "L",
-            Area::PreviousLocal => "V",
-            Area::Db => "DB",
-            Area::Di => "DI",
-            Area::Peripheral => "P",
-        }
-    }
 }
 
 /// A bit address within an area: byte * 8 + bit, the form a `P#byte.bit` pointer has in its low 19 bits.
@@ -81,31 +66,26 @@ impl BitAddr {
     pub const MAX_BYTE: u32 = 65_535;
 
     /// The address `byte.bit`; `bit` counts from 0 to 7.
-    #[must_use]
     pub const fn new(byte: u32, bit: u8) -> Self {
         Self(byte * 8 + (bit & 7) as u32)
     }
 
     /// The address of a whole byte.
-    #[must_use]
     pub const fn byte_addr(byte: u32) -> Self {
         Self(byte * 8)
     }
 
     /// The address in a pointer of 32 bits, whose highest byte is its area.
-    #[must_use]
     pub const fn of_pointer(pointer: u32) -> Self {
         Self(pointer & 0x7_FFFF)
     }
 
     /// The byte part of the address.
-    #[must_use]
     pub const fn byte(self) -> u32 {
         self.0 / 8
     }
 
     /// The bit part, 0 to 7.
-    #[must_use]
     pub const fn bit(self) -> u8 {
         (self.0 % 8) as u8
     }

@@ -13,51 +13,38 @@ pub const ALARM_ORDERS: usize = 256;
 pub const DISPLAY_NAME: usize = 32;
 
 /// A message number as a person reads it.
-#[must_use]
 pub fn alarm_number(id: u32) -> String {
     format!("DW#16#{id:08X}")
 }
 
-/// The block that makes an alarm.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum AlarmKind {
-    /// SFC 17: its coming is to be acknowledged.
-    AlarmSq,
-    /// SFC 18: always acknowledged.
-    #[default]
-    AlarmS,
-    /// SFC 107: its coming is to be acknowledged.
-    AlarmDq,
-    /// SFC 108: always acknowledged.
-    AlarmD,
-    /// SFB 31: eight signals, always acknowledged.
-    Notify8p,
-    /// SFB 33: one signal, coming and going are to be acknowledged.
-    Alarm,
-    /// SFB 34: eight signals without values, coming and going are to be acknowledged.
-    Alarm8,
-    /// SFB 35: eight signals, coming and going are to be acknowledged.
-    Alarm8p,
-    /// SFB 36: one signal, always acknowledged.
-    Notify,
+named! {
+    /// The block that makes an alarm.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum AlarmKind {
+        /// SFC 17: its coming is to be acknowledged.
+        AlarmSq = "ALARM_SQ",
+        /// SFC 18: always acknowledged.
+        #[default]
+        AlarmS = "ALARM_S",
+        /// SFC 107: its coming is to be acknowledged.
+        AlarmDq = "ALARM_DQ",
+        /// SFC 108: always acknowledged.
+        AlarmD = "ALARM_D",
+        /// SFB 31: eight signals, always acknowledged.
+        Notify8p = "NOTIFY_8P",
+        /// SFB 33: one signal, coming and going are to be acknowledged.
+        Alarm = "ALARM",
+        /// SFB 34: eight signals without values, coming and going are to be acknowledged.
+        Alarm8 = "ALARM_8",
+        /// SFB 35: eight signals, coming and going are to be acknowledged.
+        Alarm8p = "ALARM_8P",
+        /// SFB 36: one signal, always acknowledged.
+        Notify = "NOTIFY",
+    }
 }
 
 impl AlarmKind {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::AlarmSq,
-        Self::AlarmS,
-        Self::AlarmDq,
-        Self::AlarmD,
-        Self::Notify8p,
-        Self::Alarm,
-        Self::Alarm8,
-        Self::Alarm8p,
-        Self::Notify,
-    ];
-
     /// Number of the SFC or SFB.
-    #[must_use]
     pub const fn number(self) -> u16 {
         match self {
             Self::AlarmSq => 17,
@@ -72,30 +59,12 @@ impl AlarmKind {
         }
     }
 
-    /// The name of the block.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::AlarmSq => "ALARM_SQ",
-            Self::AlarmS => "ALARM_S",
-            Self::AlarmDq => "ALARM_DQ",
-            Self::AlarmD => "ALARM_D",
-            Self::Notify8p => "NOTIFY_8P",
-            Self::Alarm => "ALARM",
-            Self::Alarm8 => "ALARM_8",
-            Self::Alarm8p => "ALARM_8P",
-            Self::Notify => "NOTIFY",
-        }
-    }
-
     /// A function (SFC), not a function block with an instance (SFB).
-    #[must_use]
     pub const fn is_function(self) -> bool {
         matches!(self, Self::AlarmSq | Self::AlarmS | Self::AlarmDq | Self::AlarmD)
     }
 
     /// The bits of its signals: SIG or SIG_1 is bit 0.
-    #[must_use]
     pub const fn signals(self) -> u8 {
         match self {
             Self::Notify8p | Self::Alarm8 | Self::Alarm8p => 0xFF,
@@ -104,7 +73,6 @@ impl AlarmKind {
     }
 
     /// Whether the coming and the going of a signal are to be acknowledged.
-    #[must_use]
     pub const fn acknowledged(self) -> (bool, bool) {
         match self {
             Self::AlarmSq | Self::AlarmDq => (true, false),
@@ -114,7 +82,6 @@ impl AlarmKind {
     }
 
     /// What a display has logged on for to get it.
-    #[must_use]
     pub const fn display(self) -> u8 {
         if self.is_function() { Displays::FUNCTIONS } else { Displays::BLOCKS }
     }
@@ -135,7 +102,6 @@ impl Displays {
     pub const ALARMS: u8 = Self::BLOCKS | Self::FUNCTIONS;
 
     /// Whether one of these is wanted.
-    #[must_use]
     pub const fn want(self, bits: u8) -> bool {
         self.0 & bits != 0
     }
@@ -187,7 +153,6 @@ impl AlarmValues {
     }
 
     /// How many there are.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.count as usize
     }
@@ -228,13 +193,11 @@ pub struct AlarmState {
 
 impl AlarmState {
     /// Whether a signal is 1.
-    #[must_use]
     pub const fn is_active(&self) -> bool {
         self.signals != 0
     }
 
     /// Whether a coming or a going waits for its acknowledgement.
-    #[must_use]
     pub const fn is_open(&self) -> bool {
         let signals = self.kind.signals();
         self.coming & signals != signals || self.going & signals != signals
@@ -347,7 +310,6 @@ pub enum AlarmOrder {
 
 impl AlarmOrder {
     /// It in words for a record, as `acknowledge alarm DW#16#60000001`; nothing for a query, which changes nothing.
-    #[must_use]
     pub fn words(&self) -> Option<String> {
         let (what, ids): (_, Vec<String>) = match self {
             Self::Query(_) => return None,
@@ -359,7 +321,6 @@ impl AlarmOrder {
     }
 
     /// How many message numbers it names.
-    #[must_use]
     pub const fn len(&self) -> usize {
         match self {
             Self::Query(_) => 0,
@@ -369,7 +330,6 @@ impl AlarmOrder {
     }
 
     /// Whether it names none.
-    #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }

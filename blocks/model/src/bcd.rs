@@ -1,7 +1,6 @@
 //! Decimal numbers with four bits for each digit.
 
 /// The digits of a number; those beyond eight are dropped.
-#[must_use]
 pub const fn to_bcd(value: u32) -> u32 {
     let (mut left, mut bits, mut shift) = (value, 0, 0);
     while left > 0 && shift < 32 {
@@ -13,7 +12,6 @@ pub const fn to_bcd(value: u32) -> u32 {
 }
 
 /// The number with these digits; `None` when one of them is above 9.
-#[must_use]
 pub const fn from_bcd(bits: u32) -> Option<u32> {
     let (mut value, mut shift) = (0, 32);
     while shift > 0 {

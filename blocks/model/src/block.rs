@@ -2,72 +2,47 @@
 
 use std::fmt;
 
-/// What a block is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum BlockKind {
-    /// Organization block: called by the operating system.
-    Ob,
-    /// Function block: has an instance data block.
-    Fb,
-    /// Function: no memory of its own.
-    Fc,
-    /// System function block: an FB within the CPU.
-    Sfb,
-    /// System function: an FC within the CPU.
-    Sfc,
-    /// Data block: memory without statements.
-    Db,
-    /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
-    Sdb,
+named! {
+    /// What a block is, named by the letters in front of its number.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[repr(u8)]
+    pub enum BlockKind {
+        /// Organization block: called by the operating system.
+        Ob = "OB",
+        /// Function block: has an instance data block.
+        Fb = "FB",
+        /// Function: no memory of its own.
+        Fc = "FC",
+        /// System function block: an FB within the CPU.
+        Sfb = "SFB",
+        /// System function: an FC within the CPU.
+        Sfc = "SFC",
+        /// Data block: memory without statements.
+        Db = "DB",
+        /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
+        Sdb = "SDB",
+    }
 }
 
 impl BlockKind {
-    /// The two or three letters in front of the number.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            BlockKind::Ob => "OB",
-            BlockKind::Fb => "FB",
-            BlockKind::Fc => "FC",
-            BlockKind::Sfb => "SFB",
-            BlockKind::Sfc => "SFC",
-            BlockKind::Db => "DB",
-            BlockKind::Sdb => "SDB",
-        }
-    }
-
     /// True for blocks that run on an instance data block.
-    #[must_use]
     pub const fn has_instance(self) -> bool {
         matches!(self, BlockKind::Fb | BlockKind::Sfb)
     }
 
     /// True for functions, which find references to their parameters: a list of pointers follows their calls.
-    #[must_use]
     pub const fn is_function(self) -> bool {
         matches!(self, BlockKind::Fc | BlockKind::Sfc)
     }
 
     /// True for blocks of the CPU itself, which no program has.
-    #[must_use]
     pub const fn is_system(self) -> bool {
         matches!(self, BlockKind::Sfb | BlockKind::Sfc)
     }
 
     /// The kind of a repr value, as it comes over a plugin's table.
-    #[must_use]
-    pub const fn from_repr(value: u8) -> Option<Self> {
-        Some(match value {
-            0 => BlockKind::Ob,
-            1 => BlockKind::Fb,
-            2 => BlockKind::Fc,
-            3 => BlockKind::Sfb,
-            4 => BlockKind::Sfc,
-            5 => BlockKind::Db,
-            6 => BlockKind::Sdb,
-            _ => return None,
-        })
+    pub fn from_repr(value: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(value)).copied()
     }
 }
 
@@ -82,13 +57,11 @@ pub struct BlockId {
 
 impl BlockId {
     /// The block with this kind and number.
-    #[must_use]
     pub const fn new(kind: BlockKind, number: u16) -> Self {
         Self { kind, number }
     }
 
     /// `FC 0`, `fb60`, `DB 10`, with or without blanks. `None`: it is no block that a program has or calls.
-    #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         const KINDS: [BlockKind; 6] =
             [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Sfb, BlockKind::Sfc, BlockKind::Db];
@@ -101,7 +74,6 @@ impl BlockId {
 
 /// True for the number of an organization block that an S7-300 or S7-400 has; the operating system calls no others.
 /// ["Organization Blocks" of the system software reference]
-#[must_use]
 pub const fn is_organization_block(number: u16) -> bool {
     matches!(
         number,

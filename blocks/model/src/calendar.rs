@@ -15,7 +15,6 @@ pub const DAY_MS: u64 = 86_400_000;
 const FROM_1600: u32 = 135_080;
 
 /// Days of a month, 1 to 12.
-#[must_use]
 pub const fn days_of_month(year: u32, month: u32) -> u32 {
     match month {
         2 if year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400)) => 29,
@@ -26,7 +25,6 @@ pub const fn days_of_month(year: u32, month: u32) -> u32 {
 }
 
 /// Days from 1970-01-01 to a date; `None` for one that does not exist, or lies before 1970 or after 9999.
-#[must_use]
 pub const fn days_of(year: u32, month: u32, day: u32) -> Option<u32> {
     if year < 1970 || year > 9999 || month == 0 || month > 12 || day == 0 || day > days_of_month(year, month) {
         return None;
@@ -38,7 +36,6 @@ pub const fn days_of(year: u32, month: u32, day: u32) -> Option<u32> {
 }
 
 /// Year, month and day so many days after 1970-01-01.
-#[must_use]
 pub const fn date_of(days: u32) -> (u32, u32, u32) {
     let day = days as u64 + FROM_1600 as u64;
     let (era, day) = ((day / 146_097) as u32, (day % 146_097) as u32);
@@ -50,14 +47,12 @@ pub const fn date_of(days: u32) -> (u32, u32, u32) {
 }
 
 /// The day of the week so many days after 1970-01-01, a Thursday: 1 = Sunday.
-#[must_use]
 pub const fn weekday_of(days: u32) -> u32 {
     (days % 7 + 4) % 7 + 1
 }
 
 /// The eight bytes of a DATE_AND_TIME: a day of 1990 to 2089 by the days after 1970-01-01, and the milliseconds since
 /// midnight.
-#[must_use]
 pub fn date_and_time(days: u32, ms: u32) -> [u8; 8] {
     let (year, month, day) = date_of(days);
     let byte = |value: u32| to_bcd(value % 100) as u8;

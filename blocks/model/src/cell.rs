@@ -22,7 +22,6 @@ pub enum Cell {
 impl Cell {
     /// The kind of memory and the number of the data block: the same for cells that lie beside each other in memory.
     /// `None` for cells that are not plain memory.
-    #[must_use]
     pub const fn block(self) -> Option<(u8, u16)> {
         match self {
             Cell::Area(Area::Input, _) => Some((0, 0)),
@@ -34,7 +33,6 @@ impl Cell {
     }
 
     /// Its bit address; 0 for a timer or counter.
-    #[must_use]
     pub const fn bit(self) -> u32 {
         match self {
             Cell::Area(_, bit) | Cell::Db(_, bit) | Cell::Peripheral(bit) => bit,
@@ -43,7 +41,6 @@ impl Cell {
     }
 
     /// Its byte address; 0 for a timer or counter.
-    #[must_use]
     pub const fn byte(self) -> u32 {
         self.bit() / 8
     }
@@ -72,7 +69,6 @@ pub enum Width {
 
 impl Width {
     /// The width in bits, 1 to 32.
-    #[must_use]
     pub const fn bits(self) -> u8 {
         match self {
             Width::Bit => 1,
@@ -83,13 +79,11 @@ impl Width {
     }
 
     /// Bytes that hold it; a bit lies in one byte.
-    #[must_use]
     pub const fn bytes(self) -> u32 {
         self.bits().div_ceil(8) as u32
     }
 
     /// The width of so many bits: 1, 8, 16 or 32.
-    #[must_use]
     pub const fn of_bits(bits: u32) -> Option<Width> {
         Some(match bits {
             1 => Width::Bit,
@@ -101,7 +95,6 @@ impl Width {
     }
 
     /// The width of a variable of an elementary type.
-    #[must_use]
     pub fn of(ty: &DataType) -> Option<Width> {
         Width::of_bits(ty.elementary_bits()?)
     }
@@ -123,7 +116,6 @@ pub enum Piece {
 
 impl Piece {
     /// Bytes it takes in a snapshot, big-endian.
-    #[must_use]
     #[expect(clippy::len_without_is_empty, reason = "a piece is never empty")]
     pub const fn len(&self) -> u32 {
         match self {
@@ -168,13 +160,11 @@ impl CellError {
     ];
 
     /// A number for a snapshot or a message, from 1.
-    #[must_use]
     pub const fn code(self) -> u8 {
         self as u8 + 1
     }
 
     /// The error with that number.
-    #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             1..=8 => Some(Self::ALL[code as usize - 1]),

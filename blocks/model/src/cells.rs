@@ -3,7 +3,6 @@
 //! Every function returns `None` when the cell does not lie wholly inside the slice.
 
 /// Reads 1, 2 or 4 bytes as an unsigned number.
-#[must_use]
 #[inline]
 pub fn get(memory: &[u8], at: usize, width: usize) -> Option<u32> {
     match width {
@@ -26,7 +25,6 @@ pub fn set(memory: &mut [u8], at: usize, width: usize, value: u32) -> Option<()>
 }
 
 /// Reads a word, high byte first.
-#[must_use]
 #[inline]
 pub fn word(memory: &[u8], at: usize) -> Option<u16> {
     let bytes = memory.get(at..at.checked_add(2)?)?;
@@ -34,7 +32,6 @@ pub fn word(memory: &[u8], at: usize) -> Option<u16> {
 }
 
 /// Reads a double word.
-#[must_use]
 #[inline]
 pub fn dword(memory: &[u8], at: usize) -> Option<u32> {
     let bytes = memory.get(at..at.checked_add(4)?)?;
@@ -42,7 +39,6 @@ pub fn dword(memory: &[u8], at: usize) -> Option<u32> {
 }
 
 /// Reads a bit; `bit` is byte * 8 + bit.
-#[must_use]
 #[inline]
 pub fn bit(memory: &[u8], bit: usize) -> Option<bool> {
     memory.get(bit / 8).map(|b| b >> (bit % 8) & 1 == 1)

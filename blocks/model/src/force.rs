@@ -56,7 +56,6 @@ impl Forced {
     pub const NONE: Self = Self { area: ForcedArea::Input, bit: 0, width: Width::Bit, value: 0 };
 
     /// The cell of a name: `I0.0`, `EB 3`, `QW4`, `PAW 256`; its value is 0.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let name: String = name.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_ascii_uppercase();
         let (rest, area) = AREAS.iter().find_map(|(word, area)| Some((name.strip_prefix(word)?, *area)))?;
@@ -77,7 +76,6 @@ impl Forced {
     }
 
     /// `I0.0=1`, `QW4=16#00FF`, as it is printed.
-    #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let (name, value) = text.split_once('=')?;
         let value = value.trim();
@@ -89,7 +87,6 @@ impl Forced {
     }
 
     /// The name of the cell: `QW4`.
-    #[must_use]
     pub fn name(&self) -> String {
         let area = AREAS.iter().find(|(_, area)| *area == self.area).map_or("", |(word, _)| word);
         let (byte, bit) = (self.bit / 8, self.bit % 8);

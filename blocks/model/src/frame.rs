@@ -32,7 +32,6 @@ pub enum Put {
 
 impl Put {
     /// How many bytes it writes; a bit counts as one.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
             Put::Value(_, width, _) => width.bytes() as usize,
@@ -41,7 +40,6 @@ impl Put {
     }
 
     /// The cell at which it begins to write.
-    #[must_use]
     pub const fn cell(&self) -> Cell {
         match self {
             Put::Value(cell, ..) | Put::Bytes(cell, _) => *cell,
@@ -50,7 +48,6 @@ impl Put {
 }
 
 /// Whether a link may watch these pieces.
-#[must_use]
 pub fn fits_a_share(pieces: impl IntoIterator<Item = Piece>) -> bool {
     let (mut bytes, mut lines) = (0u64, 0u64);
     for piece in pieces {
@@ -71,7 +68,6 @@ pub struct Head {
 
 impl Head {
     /// The head of a block with this many bytes, or of a value.
-    #[must_use]
     pub const fn of(found: Result<u32, CellError>) -> Self {
         match found {
             Ok(number) => Self { number, error: None },
@@ -80,7 +76,6 @@ impl Head {
     }
 
     /// As it lies in a snapshot.
-    #[must_use]
     pub const fn word(self) -> u64 {
         let error = match self.error {
             Some(error) => error.code(),
@@ -90,7 +85,6 @@ impl Head {
     }
 
     /// Out of a snapshot; an unknown code is [`CellError::Outside`].
-    #[must_use]
     pub const fn from_word(word: u64) -> Self {
         let error = match word >> 32 {
             0 => None,
@@ -132,7 +126,6 @@ pub struct Frame {
 
 impl Frame {
     /// A frame of these pieces, in this order.
-    #[must_use]
     pub fn of(pieces: impl Into<Box<[Piece]>>) -> Self {
         let pieces: Box<[Piece]> = pieces.into();
         let mut runs: Vec<Run> = Vec::new();
@@ -161,19 +154,16 @@ impl Frame {
     }
 
     /// The pieces, in the order of their words.
-    #[must_use]
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 
     /// The runs, in the order of their words.
-    #[must_use]
     pub fn runs(&self) -> &[Run] {
         &self.runs
     }
 
     /// Words of a snapshot.
-    #[must_use]
     pub fn words(&self) -> usize {
         self.words
     }

@@ -33,7 +33,6 @@ impl Section {
     ];
 
     /// The section that a word opens.
-    #[must_use]
     pub fn opened_by(word: &str) -> Option<Self> {
         Self::WORDS.into_iter().find(|(_, opens)| opens.eq_ignore_ascii_case(word)).map(|(section, _)| section)
     }
@@ -59,14 +58,12 @@ pub struct Param {
 
 impl Param {
     /// A parameter without aliases and initial value.
-    #[must_use]
     pub fn new(name: &str, section: Section, ty: DataType) -> Self {
         Self { name: name.to_owned(), aliases: Vec::new(), section, ty, at: BitAddr(0), initial: None }
     }
 
     /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance.
     /// What is declared POINTER or ANY is one already, and lies there as it is.
-    #[must_use]
     pub const fn is_pointer(&self) -> bool {
         matches!(self.section, Section::InOut)
             && self.ty.is_composed()
@@ -75,13 +72,11 @@ impl Param {
 
     /// Bits of the parameter as a call hands it over: those of a POINTER for a composed in/out of a block with an
     /// instance, else those of its type.
-    #[must_use]
     pub fn passed_bits(&self, has_instance: bool) -> u32 {
         Layout::bits(if has_instance && self.is_pointer() { &DataType::Pointer } else { &self.ty })
     }
 
     /// True when `name` is this parameter's name or one of its other spellings.
-    #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
         self.name.eq_ignore_ascii_case(name) || self.aliases.iter().any(|a| a.eq_ignore_ascii_case(name))
     }
@@ -107,7 +102,6 @@ impl Interface {
 
     /// The place of each formal, in the order of [`formals`](Self::formals), in the list of pointers after a call of
     /// an FC or SFC in machine code: inputs, return value, outputs, in/outs.
-    #[must_use]
     pub fn list_places(&self) -> Vec<u16> {
         const IN_LIST: [Section; 4] = [Section::Input, Section::Return, Section::Output, Section::InOut];
         let rank = |p: &Param| IN_LIST.iter().position(|s| *s == p.section);
@@ -143,7 +137,6 @@ impl Interface {
     }
 
     /// Bytes of local data that the declared temporaries reach into, without the filling to an even number.
-    #[must_use]
     pub fn declared_temps(&self) -> u32 {
         let mut temps = Layout::new();
         let declared = self.params.iter().filter(|p| p.section == Section::Temp);
@@ -161,7 +154,6 @@ impl Interface {
 
     /// An instance as a structure, its components in the order of their addresses. Each section begins on an even byte:
     /// an empty structure between them, which takes no room of its own, makes the layout do that.
-    #[must_use]
     pub fn instance_type(&self) -> DataType {
         let mut placed: Vec<&Param> = self.params.iter().filter(|p| p.section != Section::Temp).collect();
         let in_order = placed.is_sorted_by_key(|p| p.at);
@@ -184,25 +176,21 @@ impl Interface {
     }
 
     /// A formal parameter by any of its names, with its index.
-    #[must_use]
     pub fn formal(&self, name: &str) -> Option<(usize, &Param)> {
         self.formals().enumerate().find(|(_, p)| p.is_called(name))
     }
 
     /// The declaration that an address of the instance lies in, and how many bits into it.
-    #[must_use]
     pub fn in_instance(&self, at: BitAddr) -> Option<(&Param, u32)> {
         last_before(self.params.iter().filter(|p| p.section != Section::Temp), at)
     }
 
     /// The temporary that an address of the local data lies in or after, and how many bits after its beginning.
-    #[must_use]
     pub fn in_local(&self, at: BitAddr) -> Option<(&Param, u32)> {
         last_before(self.params.iter().filter(|p| p.section == Section::Temp), at)
     }
 
     /// Any declaration by name.
-    #[must_use]
     pub fn find(&self, name: &str) -> Option<&Param> {
         self.params.iter().find(|p| p.is_called(name))
     }

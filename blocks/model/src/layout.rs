@@ -18,7 +18,6 @@ pub struct Component {
 impl Component {
     /// The component a path leads to, from a list of declarations: `name`, `sub[3].name`, `grid[1,-2]`. Names compare
     /// without regard to case. `None` when the path leads nowhere.
-    #[must_use]
     pub fn find(declarations: &[Component], path: &str) -> Option<Component> {
         let end = path.find(['.', '[']).unwrap_or(path.len());
         let (name, mut rest) = path.split_at(end);
@@ -51,14 +50,12 @@ pub struct Layout {
 }
 
 /// `bit` rounded up to a multiple of `step` bits.
-#[must_use]
 pub const fn align_to(bit: u32, step: u32) -> u32 {
     bit.next_multiple_of(step)
 }
 
 impl Layout {
     /// An empty layout at byte 0.
-    #[must_use]
     pub const fn new() -> Self {
         Self { next_bit: 0 }
     }
@@ -76,13 +73,11 @@ impl Layout {
     }
 
     /// Bytes used so far, padded to an even number.
-    #[must_use]
     pub const fn bytes(&self) -> u32 {
         align_to(self.next_bit, 16) / 8
     }
 
     /// Alignment in bits: 1, 8 or 16.
-    #[must_use]
     pub const fn alignment(ty: &DataType) -> u32 {
         match ty.elementary_bits() {
             Some(bits) if bits < 16 => bits,
@@ -91,7 +86,6 @@ impl Layout {
     }
 
     /// Size in bits, padding of composed types included.
-    #[must_use]
     pub fn bits(ty: &DataType) -> u32 {
         if let Some(bits) = ty.elementary_bits() {
             return bits;
@@ -122,13 +116,11 @@ impl Layout {
     }
 
     /// Distance in bits between two elements of an array.
-    #[must_use]
     pub fn stride(element: &DataType) -> u32 {
         align_to(Self::bits(element), Self::alignment(element))
     }
 
     /// Where the element with these indices lies in an array; `None` when an index is missing or outside its bounds.
-    #[must_use]
     pub fn element(dims: &[Dimension], element: &DataType, indices: &[i32]) -> Option<BitAddr> {
         if dims.len() != indices.len() {
             return None;
@@ -149,7 +141,6 @@ impl Layout {
 
     /// The element that lies `offset` bits into an array, counted as [`Layout::places`] does, and the bits into it;
     /// `None` where no element lies.
-    #[must_use]
     pub fn element_at(dims: &[Dimension], element: &DataType, offset: u32) -> Option<(u32, u32)> {
         let stride = Self::stride(element).max(1);
         let (last, outer) = dims.split_last()?;
@@ -162,7 +153,6 @@ impl Layout {
 
     /// The last field of a structure with a name that begins `offset` bits into it or before, and the bits behind its
     /// beginning. Nameless structures of no length separate the sections of an instance.
-    #[must_use]
     pub fn field_at(fields: &[Field], offset: u32) -> Option<(&Field, u32)> {
         let mut layout = Self::new();
         let places = fields.iter().map(|field| (field, layout.place(&field.ty).0));
@@ -171,7 +161,6 @@ impl Layout {
     }
 
     /// Where each element of an array lies, the last dimension fastest.
-    #[must_use]
     pub fn places(dims: &[Dimension], element: &DataType) -> Vec<BitAddr> {
         let stride = Self::stride(element);
         let row_bits = dims.last().map_or(0, |d| align_to(d.len().saturating_mul(stride), 16));
@@ -181,7 +170,6 @@ impl Layout {
     }
 
     /// The indices of an element, counted as [`Layout::places`] does: `[1,-2]`.
-    #[must_use]
     pub fn index_text(dims: &[Dimension], flat: u32) -> String {
         format!("[{}]", index_text(dims, flat))
     }

@@ -3,6 +3,9 @@
 //!
 //! This crate knows no source text, no engine and no operating system.
 
+#[macro_use]
+mod named;
+
 mod address;
 mod alarm;
 pub mod bcd;

@@ -19,7 +19,6 @@ pub enum StateChange {
 
 impl Event {
     /// How the operating state changes with this event, if it does: the one table of what counts as a fault.
-    #[must_use]
     pub const fn state_change(self) -> Option<StateChange> {
         Some(match self {
             Event::STARTUP => StateChange::Startup,
@@ -40,113 +39,10 @@ impl Event {
             _ => return None,
         })
     }
-
-    /// What helps; empty where nothing has to be done.
-    #[must_use]
-    pub fn remedy(self) -> &'static str {
-        if let Some(kind) = FaultKind::from_number(self.0) {
-            return kind.remedy();
-        }
-        match self {
-            Event::STOP_PROGRAM => "The program calls SFC 46 (STP): look at the condition before the call.",
-            Event::STOP_PROGRAMMING_ERROR => {
-                "Correct the statement named in the entry before, or load OB 121 to continue in spite of such errors."
-            }
-            Event::STOP_ACCESS_ERROR => {
-                "Check the module at the address named in the entry before, or load OB 122 to continue without it."
-            }
-            Event::STOP_TIME_ERROR => {
-                "Shorten the cycle or raise `watchdog` in [cpu]; with OB 80 the CPU stays in RUN after the first excess of a cycle."
-            }
-            Event::STOP_DIAGNOSIS => {
-                "Clear the fault that the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
-            }
-            Event::STOP_SEQUENCE_ERROR => "Load the OB named in the entry before, or OB 85 to continue without it.",
-            Event::STOP_RACK_FAILURE => {
-                "Check the station named in the entry before, its power and its line; load OB 86 to continue without it."
-            }
-            Event::BUS_FAILED => {
-                "The process of the bus is restarted automatically. If this repeats, check its log and its line."
-            }
-            Event::STATION_FAILED | Event::SLAVE_LOST => {
-                "Check power, address and cable of the station; the log of the bus says how its requests failed."
-            }
-            Event::STATION_REFUSES => {
-                "Compare its entry in the station file with the manual of the device: the function (exception 01h), the \
-                 address (02h), the length or value (03h); 04h is a fault of the device, 06h means that it is busy. For \
-                 a DP slave, compare the GSD file, the modules in its slots and their parameters; `ob1 bus watch` says \
-                 which is wrong."
-            }
-            Event::STATION_FAULT => {
-                "Repair the module and the channel that it names (s slot, c channel, e error type); the log of the bus \
-                 describes the fault in words, SFC 13 reads the whole diagnosis."
-            }
-            Event::BLOCKS_TOO_DEEP | Event::NO_LOCAL_DATA => FaultKind::NestingDepth.remedy(),
-            Event::STOP_ABORTED => "Correct what the entry before names; with OB 88 the program continues without it.",
-            Event::SYNCHRONOUS_NESTING => {
-                "Correct the faulty statement in OB 121 or OB 122; with OB 88 the program continues without it."
-            }
-            Event::CYCLE_TIME_EXCEEDED => {
-                "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
-            }
-            Event::OB_STILL_RUNS => "Give the OB a longer period, or shorten it.",
-            Event::TIME_OF_DAY_SKIPPED => {
-                "Its OB runs once, late. Load OB 80 so that setting the clock does not stop the CPU; SFC 29 in OB 80 \
-                 leaves the late run out."
-            }
-            Event::OB_QUEUE_OVERFLOW => {
-                "The OB is requested more often than it can run: shorten it, or request it less often."
-            }
-            Event::OB_NOT_LOADED => "Load the OB, or remove the interrupt or call that requests it.",
-            Event::INPUT_IMAGE_ERROR
-            | Event::OUTPUT_IMAGE_ERROR
-            | Event::INPUT_IMAGE_FAILS
-            | Event::OUTPUT_IMAGE_FAILS => {
-                "Check the module that feeds this byte; for a CP, its driver and its line (`ob1 diag`)."
-            }
-            Event::PLUGIN_PANIC => {
-                "This is an error in the plugin: report the text of this entry to its author; a warm restart continues the program."
-            }
-            Event::PLUGIN_STOP => "The text of this entry says why the block of the plugin has stopped the CPU.",
-            Event::DRIVER_LOST => {
-                "It is restarted automatically. If this repeats, check the log of the driver and its device."
-            }
-            Event::SEGMENT_GARBAGE => {
-                "The driver does not fit this runtime, or is damaged: install `ob1` and `ob1-cp` together."
-            }
-            Event::CP_ERROR => "Check the parameters of the CP, its cable and its partner (`ob1 trace`).",
-            Event::CP_EVENTS_LOST => {
-                "The CPU takes a few events of a CP in each cycle: shorten the cycle, or mend what the CP reports so often (`ob1 diag`, the log of its driver)."
-            }
-            Event::DRIVER_HELD_UP => {
-                "The machine is too busy: give the drivers cores of their own (`affinity`), or reduce the load."
-            }
-            Event::CYCLE_STANDS => {
-                "A loop triggers the cycle monitoring again and again (SFC 43), or the monitoring is off (`watchdog`): the outputs keep what the cycle before wrote. Give the loop an end; STOP is obeyed meanwhile."
-            }
-            Event::RETENTIVE_LOST => {
-                "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses the newest values."
-            }
-            Event::RETENTIVE_REFUSED => {
-                "The log says why each file was refused and where it is kept. After a start with the wrong program, end the \
-                 station, put its file back and start the right one (docs/station-file.md)."
-            }
-            Event::RETENTIVE_PARTLY => {
-                "These are declared anew or not there any more; the others have their values. The log says where the file \
-                 is kept. After a start with the wrong program, put it back (docs/station-file.md)."
-            }
-            Event::ENGINES_DIFFER => {
-                "This is an error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."
-            }
-            // A change that was commanded, the end of a fault, an entry of the program.
-            _ => "",
-        }
-    }
 }
 
 impl FaultKind {
     /// What the number of such a fault counts: `DB 77`, `byte 260`; empty: nothing.
-    #[must_use]
     pub const fn counts(self) -> &'static str {
         match self {
             FaultKind::BcdConversion | FaultKind::NestingDepth => "",
@@ -171,7 +67,6 @@ impl FaultKind {
     }
 
     /// What helps against it, as a sentence for the user.
-    #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {
             FaultKind::BcdConversion => "Check the value before BTI, BTD or ITB: each digit must be 0 to 9.",

@@ -22,20 +22,17 @@ pub struct Date {
 
 impl Date {
     /// Days of a month.
-    #[must_use]
     pub const fn days_of_month(year: u32, month: u32) -> u32 {
         calendar::days_of_month(year, month)
     }
 
     /// Days since 1990-01-01; `None` for a date that does not exist or lies outside the years of DATE_AND_TIME.
-    #[must_use]
     pub fn days(self) -> Option<u32> {
         let days = calendar::days_of(self.year, self.month, self.day)?.checked_sub(DAYS_TO_1990)?;
         (days <= Moment::MAX.days()).then_some(days)
     }
 
     /// The date so many days after 1990-01-01; `None` after 2089.
-    #[must_use]
     pub const fn from_days(days: u32) -> Option<Self> {
         if days > Moment::MAX.days() {
             return None;
@@ -52,31 +49,26 @@ impl Moment {
     pub const MAX: Moment = Moment(36_525 * DAY_MS - 1);
 
     /// The moment `ms` after [`Moment::MIN`], or `None` after [`Moment::MAX`].
-    #[must_use]
     pub const fn from_ms(ms: u64) -> Option<Self> {
         if ms > Self::MAX.0 { None } else { Some(Self(ms)) }
     }
 
     /// Milliseconds since the first moment, [`Moment::MIN`].
-    #[must_use]
     pub const fn ms(self) -> u64 {
         self.0
     }
 
     /// Whole days since 1990-01-01.
-    #[must_use]
     pub const fn days(self) -> u32 {
         (self.0 / DAY_MS) as u32
     }
 
     /// Milliseconds since midnight of its day.
-    #[must_use]
     pub const fn time_of_day(self) -> u32 {
         (self.0 % DAY_MS) as u32
     }
 
     /// The day of the week, 1 = Sunday.
-    #[must_use]
     pub const fn weekday(self) -> u32 {
         calendar::weekday_of(self.days() + DAYS_TO_1990)
     }
@@ -114,7 +106,6 @@ impl Moment {
     }
 
     /// As eight bytes, the day of the week included.
-    #[must_use]
     pub fn to_bytes(self) -> [u8; 8] {
         calendar::date_and_time(self.days() + DAYS_TO_1990, self.time_of_day())
     }

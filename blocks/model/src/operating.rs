@@ -1,43 +1,29 @@
 //! The operating states of a CPU, and what an operator can ask for.
 
-/// Operating states of a CPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OperatingState {
-    /// The program does not run, outputs are 0. Access port and modules are served.
-    #[default]
-    Stop,
-    /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
-    Startup,
-    /// The program runs: cycle after cycle.
-    Run,
-    /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port and
-    /// links are served.
-    Hold,
+named! {
+    /// Operating states of a CPU.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum OperatingState {
+        /// The program does not run, outputs are 0. Access port and modules are served.
+        #[default]
+        Stop = "STOP",
+        /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
+        Startup = "STARTUP",
+        /// The program runs: cycle after cycle.
+        Run = "RUN",
+        /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port
+        /// and links are served.
+        Hold = "HOLD",
+    }
 }
 
 impl OperatingState {
-    /// Every state, by its number.
-    pub const ALL: [Self; 4] = [Self::Stop, Self::Startup, Self::Run, Self::Hold];
-
-    /// `STOP`, `STARTUP`, `RUN`, `HOLD`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Stop => "STOP",
-            Self::Startup => "STARTUP",
-            Self::Run => "RUN",
-            Self::Hold => "HOLD",
-        }
-    }
-
     /// As a number: 0 STOP, 1 STARTUP, 2 RUN, 3 HOLD.
-    #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
     /// The state with that number; any other is RUN.
-    #[must_use]
     pub const fn of(number: u64) -> Self {
         match number {
             0 => Self::Stop,
@@ -75,7 +61,6 @@ impl Command {
     pub const ALL: [Self; 7] = [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
 
     /// The word for it on a command line, on the socket of a station and in the web page's requests.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -89,7 +74,6 @@ impl Command {
     }
 
     /// The command with that word.
-    #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|command| command.word() == word)
     }

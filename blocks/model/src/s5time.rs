@@ -2,29 +2,26 @@
 
 use crate::bcd::{from_bcd, to_bcd};
 
-/// The five S5 timers, by their German mnemonics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum TimerKind {
-    /// `SI` / `SP`: pulse.
-    Pulse,
-    /// `SV` / `SE`: extended pulse.
-    ExtendedPulse,
-    /// `SE` / `SD`: on-delay.
-    OnDelay,
-    /// `SS` / `SS`: retentive on-delay.
-    RetentiveOnDelay,
-    /// `SA` / `SF`: off-delay.
-    OffDelay,
+named! {
+    /// The five S5 timers, by their German mnemonics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[repr(u8)]
+    pub enum TimerKind {
+        /// `SP` in the international set: pulse.
+        Pulse = "SI",
+        /// `SE` in the international set: extended pulse.
+        ExtendedPulse = "SV",
+        /// `SD` in the international set: on-delay.
+        OnDelay = "SE",
+        /// Retentive on-delay.
+        RetentiveOnDelay = "SS",
+        /// `SF` in the international set: off-delay.
+        OffDelay = "SA",
+    }
 }
 
 impl TimerKind {
-    /// Every kind, each at the place of its number.
-    pub const ALL: [Self; 5] =
-        [Self::Pulse, Self::ExtendedPulse, Self::OnDelay, Self::RetentiveOnDelay, Self::OffDelay];
-
     /// The kind of a repr value, as it comes over the plugin interface.
-    #[must_use]
     pub fn from_repr(value: u8) -> Option<Self> {
         Self::ALL.get(usize::from(value)).copied()
     }
@@ -42,7 +39,6 @@ impl S5Time {
 
     /// The S5TIME nearest below `ms` with the finest base that holds it, as STEP 7 rounds `S5T#` constants.
     /// `None` above 2h46m30s.
-    #[must_use]
     pub fn from_ms(ms: u32) -> Option<Self> {
         // The coarsest base would take up to ten seconds more, rounded down.
         if ms > Self::MAX_MS {
@@ -53,19 +49,16 @@ impl S5Time {
     }
 
     /// The time in milliseconds; `None` when a digit is no BCD digit.
-    #[must_use]
     pub fn to_ms(self) -> Option<u32> {
         Some(self.digits()? * self.base_ms())
     }
 
     /// The time base in milliseconds.
-    #[must_use]
     pub const fn base_ms(self) -> u32 {
         BASE_MS[(self.0 >> 12 & 3) as usize]
     }
 
     /// The three BCD digits as a number; `None` when a digit is no BCD digit.
-    #[must_use]
     pub const fn digits(self) -> Option<u32> {
         from_bcd(self.0 as u32 & 0x0FFF)
     }

@@ -11,14 +11,12 @@ pub struct Dimension {
 
 impl Dimension {
     /// Number of elements; 0 for bounds that are the wrong way round.
-    #[must_use]
     pub const fn len(self) -> u32 {
         let len = self.high as i64 - self.low as i64 + 1;
         if len > 0 { len as u32 } else { 0 }
     }
 
     /// True for a dimension whose bounds are the wrong way round.
-    #[must_use]
     pub const fn is_empty(self) -> bool {
         self.len() == 0
     }
@@ -72,7 +70,6 @@ pub enum DataType {
 
 impl DataType {
     /// Size in bits of an elementary type; `None` for composed and parameter types.
-    #[must_use]
     pub const fn elementary_bits(&self) -> Option<u32> {
         Some(match self {
             DataType::Bool => 1,
@@ -84,13 +81,11 @@ impl DataType {
     }
 
     /// True for types of more than four bytes or of several components.
-    #[must_use]
     pub const fn is_composed(&self) -> bool {
         self.elementary_bits().is_none() && !self.is_parameter_type()
     }
 
     /// True for types that name a timer, counter or block instead of a value in memory.
-    #[must_use]
     pub const fn is_parameter_type(&self) -> bool {
         matches!(
             self,
@@ -105,7 +100,6 @@ impl DataType {
     }
 
     /// The keyword of the source language.
-    #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
             DataType::Bool => "BOOL",

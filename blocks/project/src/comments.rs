@@ -41,7 +41,6 @@ pub struct Line {
 
 impl Comments {
     /// Reads the three memos of a comment part. What cannot be read is left out.
-    #[must_use]
     pub fn read(heading: &[u8], stream: &[u8], info: &[u8], page: CodePage) -> Self {
         let mut comments = Comments::default();
         if let [_, low, high, rest @ ..] = heading {

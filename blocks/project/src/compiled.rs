@@ -8,7 +8,6 @@ use ob1_model::{BlockId, Component, DataType, Field, Interface, Param, Section};
 use crate::source::Declarations;
 
 /// True when both say the same: the same declarations in each section, with types that lie alike.
-#[must_use]
 pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool {
     let mine = compiled.interface(false);
     mine.params.len() == interface.params.len()
@@ -30,7 +29,6 @@ fn unframed(compiled: &CompiledInterface, text: &[Component]) -> Option<Compiled
 }
 
 /// The same of a global data block.
-#[must_use]
 pub(crate) fn agree_data(compiled: &CompiledInterface, components: &[Component]) -> bool {
     let unframed = unframed(compiled, components);
     let compiled = unframed.as_ref().unwrap_or(compiled);
@@ -68,7 +66,6 @@ fn is_unknown(fields: &[Field]) -> bool {
 }
 
 /// A source with a stand-in for each UDT that is not there, for the names of its other declarations.
-#[must_use]
 pub(crate) fn with_unknown_types(source: &str, is_there: &dyn Fn(u16) -> bool) -> String {
     let mut out = String::with_capacity(source.len());
     let mut rest = source;
@@ -94,7 +91,6 @@ pub(crate) fn with_unknown_types(source: &str, is_there: &dyn Fn(u16) -> bool) -
 }
 
 /// Declarations made of the compiled interface, with the names of `text` as far as types agree in order.
-#[must_use]
 pub(crate) fn declarations(
     compiled: &CompiledInterface,
     text: Option<&Interface>,
@@ -132,7 +128,6 @@ pub(crate) fn declarations(
 
 /// The structure of a data block made of its compiled interface, with the names of `text` as far as types agree in
 /// order.
-#[must_use]
 pub(crate) fn structure(compiled: &CompiledInterface, text: &[Component], known: &dyn Fn(BlockId) -> bool) -> String {
     let unframed = unframed(compiled, text);
     let compiled = unframed.as_ref().unwrap_or(compiled);

@@ -97,7 +97,6 @@ impl Table {
     }
 
     /// What there is to say of records that the head counts and the file does not have.
-    #[must_use]
     pub fn cut_off(&self) -> Option<String> {
         (self.missing > 0).then(|| format!("the file is cut off: {} records are missing", self.missing))
     }
@@ -112,7 +111,6 @@ impl Table {
     }
 
     /// True when there is such a field.
-    #[must_use]
     pub fn has(&self, field: &str) -> bool {
         self.fields.iter().any(|f| f.name.eq_ignore_ascii_case(field))
     }
@@ -127,14 +125,12 @@ pub struct Row<'t> {
 
 impl<'t> Row<'t> {
     /// The bytes of a field as they stand; empty when there is no such field.
-    #[must_use]
     pub fn bytes(&self, field: &str) -> &'t [u8] {
         let field = self.table.fields.iter().find(|f| f.name.eq_ignore_ascii_case(field));
         field.and_then(|f| self.bytes.get(f.at..f.at + f.length)).unwrap_or_default()
     }
 
     /// The bytes of a text field without the blanks and NULs around it.
-    #[must_use]
     pub fn trimmed(&self, field: &str) -> &'t [u8] {
         let bytes = self.bytes(field);
         let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
@@ -142,7 +138,6 @@ impl<'t> Row<'t> {
     }
 
     /// A number field: decimal text. Empty, or not a number: 0.
-    #[must_use]
     pub fn number(&self, field: &str) -> i64 {
         std::str::from_utf8(self.trimmed(field)).ok().and_then(|text| text.parse().ok()).unwrap_or(0)
     }
@@ -157,7 +152,6 @@ pub struct Memos {
 
 impl Memos {
     /// A memo file from its bytes. Its block size is 512 where the head says nothing usable.
-    #[must_use]
     pub fn parse(bytes: Vec<u8>) -> Self {
         let block = u16_at(&bytes, 20).filter(|size| *size >= 8).map_or(512, usize::from);
         Self { bytes, block }

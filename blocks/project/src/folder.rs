@@ -27,32 +27,35 @@ pub enum Language {
 }
 
 impl Language {
+    /// The languages by their numbers, from 1, with their short names.
+    const NAMES: [(Self, &'static str); 7] = [
+        (Language::Stl, "STL"),
+        (Language::Lad, "LAD"),
+        (Language::Fbd, "FBD"),
+        (Language::Scl, "SCL"),
+        (Language::Db, "DB"),
+        (Language::Graph, "GRAPH"),
+        (Language::Cfc, "CFC"),
+    ];
+
     pub(crate) fn of_number(number: i64) -> Self {
-        match number {
-            1 => Language::Stl,
-            2 => Language::Lad,
-            3 => Language::Fbd,
-            4 => Language::Scl,
-            5 => Language::Db,
-            6 => Language::Graph,
-            7 => Language::Cfc,
-            other => Language::Other(u16::try_from(other).unwrap_or(0)),
+        let known = Self::NAMES.into_iter().zip(1..).find(|(_, of)| *of == number);
+        known.map_or_else(|| Language::Other(u16::try_from(number).unwrap_or(0)), |((language, _), _)| language)
+    }
+
+    /// As block heads have it.
+    pub(crate) fn number(self) -> i64 {
+        match self {
+            Language::Other(number) => number.into(),
+            known => Self::NAMES.into_iter().zip(1..).find(|((of, _), _)| *of == known).map_or(0, |(_, number)| number),
         }
     }
 
     /// Its short name, as STEP 7 shows it.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
-            Language::Stl => "STL",
-            Language::Lad => "LAD",
-            Language::Fbd => "FBD",
-            Language::Scl => "SCL",
-            Language::Db => "DB",
-            Language::Graph => "GRAPH",
-            Language::Cfc => "CFC",
             Language::Other(31..=35) => "failsafe",
-            Language::Other(_) => "unknown",
+            known => Self::NAMES.into_iter().find(|(of, _)| *of == known).map_or("unknown", |(_, name)| name),
         }
     }
 }
@@ -113,22 +116,6 @@ pub struct Use {
     pub name: String,
     /// The time of the interface the user was compiled against.
     pub interface: Stamp,
-}
-
-impl Language {
-    /// As block heads have it.
-    pub(crate) fn number(self) -> i64 {
-        match self {
-            Language::Stl => 1,
-            Language::Lad => 2,
-            Language::Fbd => 3,
-            Language::Scl => 4,
-            Language::Db => 5,
-            Language::Graph => 6,
-            Language::Cfc => 7,
-            Language::Other(number) => number.into(),
-        }
-    }
 }
 
 /// A user-defined type (UDT).

@@ -34,7 +34,6 @@ pub struct Refused {
 
 impl Image {
     /// The block's kind and number; `None` for system data.
-    #[must_use]
     pub fn id(&self) -> Option<BlockId> {
         Some(BlockId::new(self.block.head.block_kind()?, self.block.head.number))
     }
@@ -155,7 +154,6 @@ fn data<'i>(
 }
 
 /// The block a data block is an instance of, by its compiled interface.
-#[must_use]
 pub(crate) fn instance_of(compiled: &CompiledInterface) -> Option<BlockId> {
     match compiled.kind {
         InterfaceKind::OfFb => Some(BlockId::new(BlockKind::Fb, compiled.number)),

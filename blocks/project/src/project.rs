@@ -69,13 +69,11 @@ pub struct Choice {
 
 impl Project {
     /// Reads what a project says of itself. Damage is noted; what is left is read.
-    #[must_use]
     pub fn read(tree: &Tree<'_>, root: &Root) -> Self {
         Self::read_as(tree, root, None)
     }
 
     /// The same, with the code page of its texts where somebody knows better than the project.
-    #[must_use]
     pub fn read_as(tree: &Tree<'_>, root: &Root, page: Option<CodePage>) -> Self {
         let folder = root.folder.clone();
         let path = |name: &str| format!("{folder}{name}");
@@ -182,7 +180,6 @@ impl Project {
     }
 
     /// All that can be imported: programs with a block folder, then the folders no program names.
-    #[must_use]
     pub fn choices(&self) -> Vec<Choice> {
         let index = |id: u32| self.folders.iter().position(|f| f.id == id);
         let programs = self.programs.iter().enumerate();
@@ -198,7 +195,6 @@ impl Project {
 
     /// The station, the CPU and the program of a choice, for people: `Plant/CPU 315-2 DP/S7 Program(1)`. Programs of
     /// the same name, as they are without their stations, have their block folders in it.
-    #[must_use]
     pub fn title(&self, choice: Choice) -> String {
         let folder = &self.folders[choice.folder];
         let Some(program) = choice.program.and_then(|i| self.programs.get(i)) else {
@@ -219,7 +215,6 @@ impl Project {
 
     /// The choices a name stands for: a program's name, its CPU's or its station's, `STATION/CPU/PROGRAM`, the ID of
     /// the block folder.
-    #[must_use]
     pub fn named(&self, name: &str) -> Vec<Choice> {
         let wanted = name.trim();
         let same = |text: &str| text.to_lowercase() == wanted.to_lowercase();
@@ -243,7 +238,6 @@ impl Project {
 
     /// What is taken when no name is given: the program with blocks that belongs to a CPU; else the one that has
     /// blocks; else the block folder that has some. If there are several, all of them come back.
-    #[must_use]
     pub fn default_choice(&self) -> Vec<Choice> {
         let with_blocks = |c: &Choice| self.folders.get(c.folder).is_some_and(|f| f.blocks > 0);
         let of_cpu = |c: &Choice| with_blocks(c) && c.program.and_then(|i| self.programs.get(i)?.cpu).is_some();
@@ -287,7 +281,6 @@ impl Project {
     }
 
     /// Reads the source texts of a choice.
-    #[must_use]
     pub fn sources(&self, tree: &Tree<'_>, choice: Choice) -> Vec<SourceText> {
         let container = choice.program.and_then(|i| self.programs.get(i)?.sources);
         container.map(|id| sources::read(tree, &self.folder, id, self.page)).unwrap_or_default()

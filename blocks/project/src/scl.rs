@@ -34,7 +34,6 @@ pub struct SclSource {
 }
 
 /// The SCL sources of a program, and which of them may stand in the place of its machine code.
-#[must_use]
 pub fn scl_sources(
     texts: &[SourceText],
     translation: &Translation,
@@ -147,7 +146,6 @@ fn judged(
 }
 
 /// The file of a block's statements.
-#[must_use]
 pub fn awl(id: BlockId) -> String {
     format!("{}_{}.awl", id.kind.name(), id.number)
 }
@@ -168,7 +166,6 @@ fn same(mine: &Interface, theirs: &Interface) -> bool {
 }
 
 /// What a source makes: the first words of its blocks and the names behind them.
-#[must_use]
 pub fn heads(text: &str) -> Vec<(&'static str, String)> {
     const WORDS: [&str; 5] = ["FUNCTION_BLOCK", "FUNCTION", "TYPE", "DATA_BLOCK", "ORGANIZATION_BLOCK"];
     let mut out = Vec::new();
@@ -215,7 +212,6 @@ fn without_comments(text: &str) -> String {
 }
 
 /// Whether a block was compiled with the option of the OK flag: it clears the bit that it sets at its beginning.
-#[must_use]
 pub fn has_ok(program: &Program, id: BlockId) -> bool {
     let Some(block) = program.blocks.iter().find(|b| b.id == id) else { return false };
     let ops: Vec<&Op> = block.code.iter().map(|s| &s.op).collect();

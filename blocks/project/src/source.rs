@@ -23,7 +23,6 @@ pub(crate) struct Declarations {
 
 impl Declarations {
     /// From the text of a project. `is_function`: the value stands as first output.
-    #[must_use]
     pub(crate) fn of_text(text: &str, is_function: bool, page: CodePage) -> Self {
         let mut text = escape(text.trim_matches(['\r', '\n', ' ', '\t', '\0']), page).replace("\r\n", "\n");
         let result = if is_function { cut_result(&mut text) } else { None };
@@ -129,7 +128,6 @@ fn count_sections(text: &str) -> (usize, usize) {
 }
 
 /// The source of a code block. `statements` are whole lines, networks included.
-#[must_use]
 pub(crate) fn code_source(block: &Block, declarations: &Declarations, statements: &str) -> String {
     let (begin, end) = match block.id.kind {
         BlockKind::Ob => ("ORGANIZATION_BLOCK", "END_ORGANIZATION_BLOCK"),
@@ -151,7 +149,6 @@ pub(crate) fn code_source(block: &Block, declarations: &Declarations, statements
 }
 
 /// The source of a data block: its structure, the FB it is an instance of, or its UDT; then values.
-#[must_use]
 pub(crate) fn data_source(block: &Block, shape: &str, values: &[(String, String)]) -> String {
     let mut out = format!("DATA_BLOCK {}\n", block.id);
     heading(&mut out, &block.comments, &block.head);
@@ -167,7 +164,6 @@ pub(crate) fn data_source(block: &Block, shape: &str, values: &[(String, String)
 }
 
 /// The source of a user-defined type.
-#[must_use]
 pub(crate) fn udt_source(number: u16, head: &Head, declarations: &Declarations) -> String {
     let mut out = format!("TYPE UDT {number}\n");
     heading(&mut out, &Comments::default(), head);
@@ -199,7 +195,6 @@ pub(crate) fn comment_lines(out: &mut String, comment: &str) {
 }
 
 /// The name of a block's files: `FC_5`.
-#[must_use]
 pub(crate) fn file_stem(id: BlockId) -> String {
     format!("{}_{}", id.kind.name(), id.number)
 }

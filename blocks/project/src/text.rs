@@ -35,14 +35,12 @@ impl Default for CodePage {
 
 impl CodePage {
     /// A Windows code page; `None` for one that is not an ANSI code page.
-    #[must_use]
     pub fn of_number(number: u16) -> Option<Self> {
         let (number, encoding) = PAGES.iter().find(|(page, _)| *page == number)?;
         Some(Self { number: *number, encoding })
     }
 
     /// From the text of `Global/Language`, whose fourth line is the number. `None` when it says nothing usable.
-    #[must_use]
     pub fn of_language(bytes: &[u8]) -> Option<Self> {
         let line = bytes.split(|b| *b == b'\n').nth(3)?;
         Self::of_number(std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()?)
@@ -54,19 +52,16 @@ impl CodePage {
     }
 
     /// Its number in Windows: 1252.
-    #[must_use]
     pub const fn number(self) -> u16 {
         self.number
     }
 
     /// The text of some bytes. What does not decode becomes U+FFFD.
-    #[must_use]
     pub fn text(self, bytes: &[u8]) -> String {
         self.encoding.decode_without_bom_handling(bytes).0.into_owned()
     }
 
     /// The bytes of a text; what the code page does not have becomes `?`.
-    #[must_use]
     pub fn bytes(self, text: &str) -> Vec<u8> {
         let mut out = Vec::with_capacity(text.len());
         let mut buffer = [0u8; 4];

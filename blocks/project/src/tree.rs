@@ -56,33 +56,28 @@ pub struct Root {
 
 impl<'s> Tree<'s> {
     /// The files of a source.
-    #[must_use]
     pub fn new(source: &'s dyn FileSource) -> Self {
         let names = source.paths().into_iter().map(|path| (key(&path), path)).collect();
         Self { source, names }
     }
 
     /// The bytes of a file; `None` when there is none of this name or it cannot be read.
-    #[must_use]
     pub fn read(&self, path: &str) -> Option<Vec<u8>> {
         self.source.read(self.names.get(&key(path))?).ok()
     }
 
     /// Why a file gives no bytes: that it is missing, or what stands in the way of reading it.
-    #[must_use]
     pub fn why_not(&self, path: &str) -> String {
         let found = self.names.get(&key(path)).map(|path| self.source.read(path));
         found.and_then(Result::err).unwrap_or_else(|| "the file is missing".to_owned())
     }
 
     /// True when there is such a file.
-    #[must_use]
     pub fn has(&self, path: &str) -> bool {
         self.names.contains_key(&key(path))
     }
 
     /// The parts that follow `folder` (which ends in `/`) in the paths below it, each once: files and folders.
-    #[must_use]
     pub fn list(&self, folder: &str) -> Vec<String> {
         let start = key(folder);
         let below = self.names.range(start.clone()..).take_while(|(name, _)| name.starts_with(&start));
@@ -93,7 +88,6 @@ impl<'s> Tree<'s> {
     }
 
     /// The projects and libraries: folders with a `.s7p` or `.s7l`; without any, folders with block folders.
-    #[must_use]
     pub fn roots(&self) -> Vec<Root> {
         let mut roots: Vec<Root> = Vec::new();
         for (name, path) in &self.names {

@@ -5,7 +5,6 @@ use ob1_stl::print::constant;
 
 /// The assignments that make `wanted` out of `start`, component by component; and the paths of values that no constant
 /// stands for.
-#[must_use]
 pub(crate) fn assignments(
     components: &[Component],
     start: &[u8],

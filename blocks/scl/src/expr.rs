@@ -177,7 +177,7 @@ impl<'c> Checker<'c> {
 
     fn refuse(&mut self, operator: Operator, left: &Typed<'c>, right: &Typed<'c>, span: Span) -> Option<Typed<'c>> {
         let (a, b) = (with_article(short(left.ty)), with_article(short(right.ty)));
-        let message = format!("{} does not take {a} and {b}", operator.text());
+        let message = format!("{} does not take {a} and {b}", operator.name());
         let remedy = function(right.ty, left.ty).or_else(|| function(left.ty, right.ty));
         match remedy.filter(|_| left.ty != right.ty) {
             Some(name) => {
@@ -325,7 +325,7 @@ impl<'c> Checker<'c> {
 
     fn arithmetic(&mut self, operator: Operator, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         if let (Kind::Flexible(a), Kind::Flexible(b)) = (&left.kind, &right.kind)
-            && let Some(constant) = ob1_stl::fold_constants(operator.text(), a, b)
+            && let Some(constant) = ob1_stl::fold_constants(operator.name(), a, b)
         {
             return Some(flexible(constant, span));
         }

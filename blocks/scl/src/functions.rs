@@ -512,28 +512,10 @@ impl<'c> Checker<'c> {
 }
 
 /// Functions besides those of [`MathFn`] and the conversions.
+#[rustfmt::skip]
 const NAMES: [&str; 23] = [
-    "LOG",
-    "EXPD",
-    "ABS",
-    "ROUND",
-    "TRUNC",
-    "CEIL",
-    "FLOOR",
-    "FRAC",
-    "NORM_X",
-    "SCALE_X",
-    "SEL",
-    "MUX",
-    "MIN",
-    "MAX",
-    "LIMIT",
-    "SHL",
-    "SHR",
-    "ROL",
-    "ROR",
-    "SWAP",
-    "MAX_LEN",
-    "BCD_TO_INT",
-    "INT_TO_BCD",
+    "LOG", "EXPD", "ABS", "ROUND", "TRUNC", "CEIL", "FLOOR", "FRAC", "NORM_X", "SCALE_X",
+    "SEL", "MUX", "MIN", "MAX", "LIMIT",
+    "SHL", "SHR", "ROL", "ROR", "SWAP",
+    "MAX_LEN", "BCD_TO_INT", "INT_TO_BCD",
 ];

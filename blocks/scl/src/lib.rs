@@ -52,7 +52,6 @@ use lower::Lowerer;
 
 /// Compiles sources of STL and SCL into a program. Blocks may call each other across sources, languages and in any
 /// order.
-#[must_use]
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
     let scl = Scl { words: Words::of_both(), read: Cell::default() };
     ob1_stl::compile_with(sources, library, options, Some(&scl))

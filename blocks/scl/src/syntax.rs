@@ -1,5 +1,6 @@
 //! Statements and expressions as written.
 
+use ob1_model::named;
 use ob1_stl::front::{Span, Token};
 
 /// A statement with its place.
@@ -67,47 +68,25 @@ pub(crate) enum ExprKind {
     Bad,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Operator {
-    Or,
-    Xor,
-    And,
-    Equal,
-    NotEqual,
-    Less,
-    Greater,
-    LessEqual,
-    GreaterEqual,
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-    Div,
-    Mod,
-    Power,
-}
-
-impl Operator {
-    /// As written.
-    pub(crate) const fn text(self) -> &'static str {
-        match self {
-            Operator::Or => "OR",
-            Operator::Xor => "XOR",
-            Operator::And => "AND",
-            Operator::Equal => "=",
-            Operator::NotEqual => "<>",
-            Operator::Less => "<",
-            Operator::Greater => ">",
-            Operator::LessEqual => "<=",
-            Operator::GreaterEqual => ">=",
-            Operator::Add => "+",
-            Operator::Subtract => "-",
-            Operator::Multiply => "*",
-            Operator::Divide => "/",
-            Operator::Div => "DIV",
-            Operator::Mod => "MOD",
-            Operator::Power => "**",
-        }
+named! {
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub(crate) enum Operator {
+        Or = "OR",
+        Xor = "XOR",
+        And = "AND",
+        Equal = "=",
+        NotEqual = "<>",
+        Less = "<",
+        Greater = ">",
+        LessEqual = "<=",
+        GreaterEqual = ">=",
+        Add = "+",
+        Subtract = "-",
+        Multiply = "*",
+        Divide = "/",
+        Div = "DIV",
+        Mod = "MOD",
+        Power = "**",
     }
 }
 

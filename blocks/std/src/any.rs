@@ -23,7 +23,6 @@ pub struct AnyPointer {
 impl AnyPointer {
     /// Parses the ten bytes: 10h, type, count, data block, area-crossing pointer. `None` for another syntax identifier,
     /// type or area.
-    #[must_use]
     pub fn parse(bytes: &[u8; 10]) -> Option<Self> {
         let Fields { ty, count, db, area, start } = Fields::read(bytes)?;
         // Timers and counters are no memory.
@@ -38,7 +37,6 @@ impl AnyPointer {
     }
 
     /// Bytes it names; `None` when it names bits that are not whole bytes, or does not begin at one.
-    #[must_use]
     pub const fn bytes(&self) -> Option<u32> {
         let bits = self.count as u32 * self.ty.bits();
         if !bits.is_multiple_of(8) || self.at.bit() != 0 { None } else { Some(bits / 8) }

@@ -6,7 +6,6 @@ use crate::{AnyPointer, AnyType};
 
 /// The general error code 8xyyh of a system function: `x` the parameter's number, `yy` the low byte of the error's
 /// event.
-#[must_use]
 pub const fn parameter_error(parameter: u16, fault: FaultKind) -> u16 {
     0x8000 | (parameter & 15) << 8 | fault.number() & 0xFF
 }

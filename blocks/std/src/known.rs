@@ -167,7 +167,6 @@ const SFB: &[(u16, &str)] = &[
 ];
 
 /// STEP 7's name of an SFC or SFB, whether it is here or not; `None` for other blocks and numbers STEP 7 does not use.
-#[must_use]
 pub fn known_system_function(id: BlockId) -> Option<&'static str> {
     let names = match id.kind {
         BlockKind::Sfc => SFC,

@@ -6,8 +6,6 @@
 //!
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 
-#[cfg(test)]
-mod alarm_model;
 mod alarm_value;
 mod any;
 mod call;
@@ -24,7 +22,7 @@ mod sfb;
 mod sfc;
 mod table;
 #[cfg(test)]
-mod testing;
+mod tests;
 mod text;
 mod ti_s7;
 pub mod ticks;

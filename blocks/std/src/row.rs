@@ -2,60 +2,43 @@
 
 use std::fmt;
 
-use ob1_model::{BitAddr, BlockId, BlockKind, Interface};
+use ob1_model::{BitAddr, BlockId, BlockKind, Interface, named};
 
 use crate::call::Call;
 use crate::declare::{self, Declared, Params};
 use crate::{Context, Done};
 
-/// The library a block comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Origin {
-    /// System functions: part of the CPU, their numbers are fixed and no station file lists them.
-    System,
-    /// "IEC Function Blocks": FC 1 to 40.
-    Iec,
-    /// The library "TI-S7 Converting Blocks".
-    TiS7,
-    /// The library "PID Control Blocks".
-    Pid,
-    /// The handling blocks of the CP 240: declared here, served by a plugin.
-    Cp240,
-    /// The handling blocks of the CP 341: declared here, served by a plugin.
-    Cp341,
-    /// The handling blocks of the CP 340: declared here, served by a plugin.
-    Cp340,
-    /// The handling blocks of the CP 040: declared here, served by a plugin.
-    Cp040,
-    /// The handling blocks of the CP 342-5: declared here, served by a plugin.
-    Cp342,
-    /// The handling blocks of the CP 343 (library CP 300): declared here, served by a plugin.
-    Cp300,
-    /// The system blocks of an S7-400 for S7 communication: declared here, served by the plugin of the CP 343.
-    S7_400,
+named! {
+    /// The library a block comes from, named as in a station file: `IEC:FC4`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Origin {
+        /// System functions: part of the CPU, their numbers are fixed and no station file lists them.
+        System = "SYSTEM",
+        /// "IEC Function Blocks": FC 1 to 40.
+        Iec = "IEC",
+        /// The library "TI-S7 Converting Blocks".
+        TiS7 = "TI-S7",
+        /// The library "PID Control Blocks".
+        Pid = "PID",
+        /// The handling blocks of the CP 240: declared here, served by a plugin.
+        Cp240 = "CP240",
+        /// The handling blocks of the CP 341: declared here, served by a plugin.
+        Cp341 = "CP341",
+        /// The handling blocks of the CP 340: declared here, served by a plugin.
+        Cp340 = "CP340",
+        /// The handling blocks of the CP 040: declared here, served by a plugin.
+        Cp040 = "CP040",
+        /// The handling blocks of the CP 342-5: declared here, served by a plugin.
+        Cp342 = "CP342",
+        /// The handling blocks of the CP 343 (library CP 300): declared here, served by a plugin.
+        Cp300 = "CP300",
+        /// The system blocks of an S7-400 for S7 communication: declared here, served by the plugin of the CP 343.
+        S7_400 = "S7-400",
+    }
 }
 
 impl Origin {
-    /// The name in a station file: `IEC:FC4`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Origin::System => "SYSTEM",
-            Origin::Iec => "IEC",
-            Origin::TiS7 => "TI-S7",
-            Origin::Pid => "PID",
-            Origin::Cp240 => "CP240",
-            Origin::Cp341 => "CP341",
-            Origin::Cp340 => "CP340",
-            Origin::Cp040 => "CP040",
-            Origin::Cp342 => "CP342",
-            Origin::Cp300 => "CP300",
-            Origin::S7_400 => "S7-400",
-        }
-    }
-
     /// The plugin that serves its blocks, as a station file names it; none: the CPU does.
-    #[must_use]
     pub const fn plugin(self) -> Option<&'static str> {
         match self {
             Origin::System | Origin::Iec | Origin::TiS7 | Origin::Pid => None,
@@ -69,7 +52,6 @@ impl Origin {
     }
 
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
-    #[must_use]
     pub const fn is_declared_only(self) -> bool {
         self.plugin().is_some()
     }
@@ -153,7 +135,6 @@ impl StandardBlock {
     }
 
     /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.
-    #[must_use]
     pub fn key(&self) -> String {
         format!("{}:{}{}", self.origin.name(), self.id.kind.name(), self.id.number)
     }

@@ -8,7 +8,6 @@ fn rows() -> impl Iterator<Item = &'static Row> {
 }
 
 /// Every standard block: by library, kind and number in ascending order.
-#[must_use]
 pub fn standard_blocks() -> Vec<StandardBlock> {
     let mut blocks: Vec<_> = rows().map(StandardBlock::of).collect();
     blocks.sort_by_key(|block| (block.origin, block.id));
@@ -16,14 +15,12 @@ pub fn standard_blocks() -> Vec<StandardBlock> {
 }
 
 /// The system functions (SFC, SFB) of a CPU.
-#[must_use]
 pub fn system_functions() -> Vec<StandardBlock> {
     rows().filter(|row| row.origin == Origin::System).map(StandardBlock::of).collect()
 }
 
 /// A block by its name in a station file: `IEC:FC4`, `IEC:FC 4` or `IEC:DELETE`, without regard to case. `None` when
 /// there is none.
-#[must_use]
 pub fn standard_block(key: &str) -> Option<StandardBlock> {
     let (origin, block) = key.split_once(':')?;
     let named = |row: &&Row| {
@@ -87,7 +84,7 @@ mod tests {
             ("SYSTEM:RDREC", "STATUS", "12.0"),
             ("SYSTEM:RDREC", "RECORD", "18.0"),
         ] {
-            assert_eq!(crate::testing::Fake::new(key).at(name), at, "{key} {name}");
+            assert_eq!(crate::tests::Fake::new(key).at(name), at, "{key} {name}");
         }
     }
 

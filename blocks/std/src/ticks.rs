@@ -3,7 +3,6 @@
 use ob1_time::Instant;
 
 /// The value of RET_VAL.
-#[must_use]
 pub const fn time_tick(now: Instant) -> u32 {
     (now.millis() % 0x8000_0000) as u32
 }

@@ -13,7 +13,6 @@ pub enum Severity {
 
 impl Severity {
     /// The word printed before the number.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Severity::Lint => "lint",
@@ -241,7 +240,6 @@ codes! {
 }
 
 /// The text of the page `docs/stl-errors.md`.
-#[must_use]
 pub fn page() -> String {
     let mut out = String::from(
         "# Diagnostics of the STL compiler\n\n\

@@ -41,7 +41,6 @@ impl Diagnostic {
 const SHOWN: usize = 160;
 
 /// The finding as text: `file:line:column`, number and message, the source line with a caret, the remedy.
-#[must_use]
 pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
     let text = source.text();
     let shown = text.lines().nth(diagnostic.line.saturating_sub(1) as usize).unwrap_or("");
@@ -50,7 +49,6 @@ pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
 
 /// All findings as text, in order, an empty line between them. Each source is decoded once, so this is the way to print
 /// many.
-#[must_use]
 pub fn render_all(diagnostics: &[Diagnostic], sources: &[Source]) -> String {
     let texts: Vec<_> = sources.iter().map(Source::text).collect();
     let lines: Vec<Vec<&str>> = texts.iter().map(|t| t.lines().collect()).collect();
@@ -77,7 +75,6 @@ fn render_line(diagnostic: &Diagnostic, name: &str, shown: &str) -> String {
 
 /// A line of a file as a reader sees it, with carets under the place meant: at most so much of it as a terminal shows,
 /// and no control characters. `column` counts from 1.
-#[must_use]
 pub fn excerpt(shown: &str, line: u32, column: u32, length: u32) -> String {
     let column = column.saturating_sub(1) as usize;
     // A line that fits is shown whole.
@@ -96,7 +93,6 @@ pub fn excerpt(shown: &str, line: u32, column: u32, length: u32) -> String {
 }
 
 /// A text of a file in a message: what would steer the reader's terminal becomes a replacement character.
-#[must_use]
 pub fn printable(text: &str) -> String {
     text.chars().map(shown_as).collect()
 }
@@ -150,7 +146,6 @@ pub struct Rest {
 
 impl Rest {
     /// How many there are.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.by_code.values().sum()
     }
@@ -283,14 +278,12 @@ impl Sink {
     }
 
     /// How many errors were found, uses of what is not there counted once.
-    #[must_use]
     pub fn errors(&self) -> usize {
         self.raw.iter().filter(|r| r.code.severity == Severity::Error).count() + self.missing.len()
     }
 
     /// How often an error was reported, each use of what is not there counted: who compares it before and behind a
     /// piece of work knows whether that has an error.
-    #[must_use]
     pub const fn said(&self) -> u64 {
         self.said
     }

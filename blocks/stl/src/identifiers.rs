@@ -3,7 +3,7 @@
 //! Meaning and spelling: "Statement List (STL) for S7-300 and S7-400", Appendix A.
 
 use ob1_ir::{AddressRegister, DbRegister, StatusBit, Width};
-use ob1_model::{Area, BlockKind};
+use ob1_model::{Area, BlockKind, named};
 
 /// What an operand identifier names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,17 +23,19 @@ pub enum Identifier {
     Register(AddressRegister),
 }
 
-/// A word before a block number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum BlockWord {
-    Ob,
-    Fc,
-    Fb,
-    Sfc,
-    Sfb,
-    Db,
-    Di,
-    Udt,
+named! {
+    /// A word before a block number.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum BlockWord {
+        Ob = "OB",
+        Fc = "FC",
+        Fb = "FB",
+        Sfc = "SFC",
+        Sfb = "SFB",
+        Db = "DB",
+        Di = "DI",
+        Udt = "UDT",
+    }
 }
 
 #[rustfmt::skip]
@@ -101,17 +103,7 @@ pub(crate) static IDENTIFIERS: &[(&str, &str, Identifier)] = &{
 impl BlockWord {
     /// The word of a block operand, `FC` in `FC 9`; these are the same in both sets.
     pub fn parse(word: &str) -> Option<Self> {
-        Some(match word.to_ascii_uppercase().as_str() {
-            "OB" => BlockWord::Ob,
-            "FC" => BlockWord::Fc,
-            "FB" => BlockWord::Fb,
-            "SFC" => BlockWord::Sfc,
-            "SFB" => BlockWord::Sfb,
-            "DB" => BlockWord::Db,
-            "DI" => BlockWord::Di,
-            "UDT" => BlockWord::Udt,
-            _ => return None,
-        })
+        Self::ALL.into_iter().find(|known| known.name().eq_ignore_ascii_case(word))
     }
 
     /// The word of a kind of block. No source names system data.
@@ -123,20 +115,6 @@ impl BlockWord {
             BlockKind::Sfc => BlockWord::Sfc,
             BlockKind::Sfb => BlockWord::Sfb,
             BlockKind::Db | BlockKind::Sdb => BlockWord::Db,
-        }
-    }
-
-    /// The word, as it is written.
-    pub const fn name(self) -> &'static str {
-        match self {
-            BlockWord::Ob => "OB",
-            BlockWord::Fc => "FC",
-            BlockWord::Fb => "FB",
-            BlockWord::Sfc => "SFC",
-            BlockWord::Sfb => "SFB",
-            BlockWord::Db => "DB",
-            BlockWord::Di => "DI",
-            BlockWord::Udt => "UDT",
         }
     }
 

@@ -6,35 +6,11 @@ use crate::parser::{HEADER_LINES, begins_block, ends_head, is_section};
 use crate::token::{Kind, Span, Token};
 
 /// Prefixes of constants, before a `#`.
+#[rustfmt::skip]
 const CONSTANT_PREFIXES: [&str; 28] = [
-    "DTL",
-    "BOOL",
-    "CHAR",
-    "REAL",
-    "SINT",
-    "USINT",
-    "UINT",
-    "UDINT",
-    "B",
-    "BYTE",
-    "W",
-    "WORD",
-    "DW",
-    "DWORD",
-    "L",
-    "DINT",
-    "INT",
-    "C",
-    "S5T",
-    "S5TIME",
-    "T",
-    "TIME",
-    "D",
-    "DATE",
-    "TOD",
-    "TIME_OF_DAY",
-    "DT",
-    "DATE_AND_TIME",
+    "BOOL", "B", "BYTE", "CHAR", "W", "WORD", "DW", "DWORD",
+    "SINT", "USINT", "INT", "UINT", "L", "DINT", "UDINT", "REAL", "C",
+    "S5T", "S5TIME", "T", "TIME", "D", "DATE", "TOD", "TIME_OF_DAY", "DT", "DATE_AND_TIME", "DTL",
 ];
 
 /// Splits `text`. Every token costs one step; every character is read a bounded number of times.

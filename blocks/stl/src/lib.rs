@@ -159,7 +159,6 @@ pub struct Output {
 
 impl Output {
     /// True when there is no error.
-    #[must_use]
     pub fn is_good(&self) -> bool {
         self.rest.errors == 0 && self.diagnostics.iter().all(|d| d.severity != Severity::Error)
     }
@@ -169,13 +168,11 @@ impl Output {
 const LONGEST_SOURCE: usize = 64 << 20;
 
 /// Compiles sources into a program. Blocks may call each other across sources and in any order.
-#[must_use]
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
     compile_with(sources, library, options, None)
 }
 
 /// The same; blocks written in SCL are compiled by `scl`, where one is given.
-#[must_use]
 pub fn compile_with(sources: &[Source], library: &Library, options: &Options, scl: Option<&dyn Statements>) -> Output {
     let mut sink = Sink::of(sources.iter().map(|source| source.name.clone()).collect());
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();

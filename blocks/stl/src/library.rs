@@ -70,7 +70,6 @@ pub struct Library {
 
 impl Library {
     /// A library without blocks.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -124,7 +123,6 @@ impl Library {
     }
 
     /// A block by kind and number.
-    #[must_use]
     pub fn get(&self, id: BlockId) -> Option<&LibraryBlock> {
         self.blocks.get(&id)
     }

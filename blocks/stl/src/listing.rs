@@ -6,7 +6,6 @@ use std::fmt::Write as _;
 use ob1_ir::Program;
 
 /// The listing as text. Blocks and data blocks come in the order of their kinds and numbers.
-#[must_use]
 pub fn listing(program: &Program) -> String {
     let mut out = String::new();
     for (index, name) in program.sources.iter().enumerate() {

@@ -5,7 +5,6 @@ const KNOWN: usize = 64;
 const WORD: usize = 40;
 
 /// The known word nearest to `word`, if one is near enough to be meant. Capitals do not matter.
-#[must_use]
 pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     if word.len() > WORD {
         return None;

@@ -56,7 +56,6 @@ impl Other {
 pub const EXPORT_TAGS: &str = "Export the tag table from TIA Portal as .sdf; unpack an archive.";
 
 /// Whether this is the number of a diagnostic about a symbol that no table has.
-#[must_use]
 pub fn names_no_symbol(code: &str) -> bool {
     code == crate::codes::UNKNOWN_SYMBOL.number
 }

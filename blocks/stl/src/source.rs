@@ -20,7 +20,6 @@ impl Source {
 
     /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped. With
     /// that of UTF-16, which Windows editors call "Unicode", they are UTF-16. Lines that end with CR alone end with LF.
-    #[must_use]
     pub fn text(&self) -> Cow<'_, str> {
         let text = self.decoded();
         if text.contains('\r') && !text.contains('\n') { Cow::Owned(text.replace('\r', "\n")) } else { text }

@@ -12,7 +12,6 @@ use crate::token::{File, Kind, Token};
 use crate::words::Words;
 
 /// The lines of each block of a source, from its first word to its last; from 1, in the order of the text.
-#[must_use]
 pub fn block_lines(text: &str) -> Vec<RangeInclusive<u32>> {
     let tokens = lexer::lex(0, text, &mut Sink::new());
     let file = File { text, tokens };
@@ -38,7 +37,6 @@ pub fn block_lines(text: &str) -> Vec<RangeInclusive<u32>> {
 }
 
 /// The set of mnemonics of each of the sources of one program, by their words.
-#[must_use]
 pub fn sets_of(texts: &[&str]) -> Vec<Mnemonics> {
     let files: Vec<File<'_>> =
         texts.iter().map(|text| File { text, tokens: lexer::lex(0, text, &mut Sink::new()) }).collect();
@@ -47,14 +45,12 @@ pub fn sets_of(texts: &[&str]) -> Vec<Mnemonics> {
 }
 
 /// The set that most of these are.
-#[must_use]
 pub fn most(sets: &[Mnemonics]) -> Mnemonics {
     let international = sets.iter().filter(|set| **set == Mnemonics::International).count();
     if international * 2 > sets.len() { Mnemonics::International } else { Mnemonics::German }
 }
 
 /// A source in another set of mnemonics: comments, names and columns stay. `from` is its own set.
-#[must_use]
 pub fn in_other_set(text: &str, from: Mnemonics, to: Mnemonics) -> String {
     if from == to || from == Mnemonics::Auto || to == Mnemonics::Auto {
         return text.to_owned();

@@ -35,7 +35,6 @@ pub enum TableForm {
 
 impl TableForm {
     /// The form a file name's extension says.
-    #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         let (_, extension) = name.rsplit_once('.')?;
         Some(match extension.to_ascii_uppercase().as_str() {
@@ -48,7 +47,6 @@ impl TableForm {
     }
 
     /// The form the first line that is not empty looks like.
-    #[must_use]
     pub fn of_text(text: &str) -> Option<Self> {
         let first = text.lines().find(|l| !l.trim().is_empty())?;
         let trimmed = first.trim();
@@ -62,7 +60,6 @@ impl TableForm {
     }
 
     /// The extension, in capitals.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             TableForm::Sdf => "SDF",
@@ -86,7 +83,6 @@ pub struct SymbolTable {
 
 impl SymbolTable {
     /// True when there is no error.
-    #[must_use]
     pub fn is_good(&self) -> bool {
         self.diagnostics.iter().all(|d| d.severity != Severity::Error)
     }
@@ -97,14 +93,12 @@ const LONGEST_TABLE: usize = 64 << 20;
 
 /// Reads a symbol table. Its form is that of the name's extension, checked against the first line; where the extension
 /// says nothing, the first line decides.
-#[must_use]
 pub fn read_symbols(source: &Source) -> SymbolTable {
     read_one(source, &mut Names::new())
 }
 
 /// Reads the symbol tables of one program, in their order. A name that is in two of them is reported in the later
 /// one; the first one counts, as within a table.
-#[must_use]
 pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {
     let mut names = Names::new();
     sources.iter().map(|source| read_one(source, &mut names)).collect()

@@ -62,7 +62,6 @@ fn constant(text: &str) -> Result<Constant, String> {
 }
 
 /// A duration as a constant has it: `1S500MS`, `-2M`, `0MS`.
-#[must_use]
 pub fn duration_text(ms: i64) -> String {
     time::written_duration(ms)
 }

@@ -32,7 +32,6 @@ impl BusConfig {
 
     /// The name of a line for listeners: that of the bus if there is only one line, otherwise with the name of its
     /// first station.
-    #[must_use]
     pub fn line_name(&self, line: usize) -> String {
         let first = self.lines.get(line).filter(|_| self.lines.len() > 1).and_then(|line| line.stations().next());
         first.map_or_else(|| format!("{}.bus", self.name), |first| format!("{}.{first}.bus", self.name))
@@ -62,7 +61,6 @@ pub struct LineConfig {
 
 impl LineConfig {
     /// The type of its bus, as in a station file.
-    #[must_use]
     pub const fn protocol(&self) -> &'static str {
         if self.gpio.is_some() {
             return "gpio";
@@ -97,7 +95,6 @@ pub struct Serial {
 
 impl Serial {
     /// The settings of the line.
-    #[must_use]
     pub fn settings(&self) -> LineSettings {
         LineSettings {
             baud: self.baud,
@@ -181,19 +178,16 @@ impl Table {
         [("coil", Self::Coil), ("discrete", Self::Discrete), ("holding", Self::Holding), ("input", Self::Input)];
 
     /// The word for the table in a station file and in messages.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, table)| *table == self).map_or("", |(name, _)| name)
     }
 
     /// Whether it has bits, not words.
-    #[must_use]
     pub const fn has_bits(self) -> bool {
         matches!(self, Self::Coil | Self::Discrete)
     }
 
     /// Whether it can be written.
-    #[must_use]
     pub const fn can_be_written(self) -> bool {
         matches!(self, Self::Coil | Self::Holding)
     }
@@ -239,13 +233,11 @@ pub struct Range {
 
 impl Range {
     /// The end, after the last of them; at most 65536.
-    #[must_use]
     pub const fn end(&self) -> u32 {
         self.first as u32 + self.count as u32
     }
 
     /// Bytes of the image. Bit n of a range is bit n modulo 8 of byte n / 8.
-    #[must_use]
     pub const fn bytes(&self) -> usize {
         let count = self.count as usize;
         if self.table.has_bits() { count.div_ceil(8) } else { 2 * count }

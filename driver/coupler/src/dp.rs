@@ -89,7 +89,6 @@ pub const BAUD_RATES: [u32; 8] = [9600, 19_200, 31_250, 45_450, 93_750, 187_500,
 
 impl DpSlave {
     /// Bytes of the inputs of a bus for a diagnosis of `bytes` bytes.
-    #[must_use]
     pub const fn diagnosis_area(bytes: usize) -> usize {
         bytes + 1
     }
@@ -107,7 +106,6 @@ impl DpSlave {
 }
 
 /// The whole content of a diagnosis, with the texts of the slave's GSD file.
-#[must_use]
 pub fn diagnosis_words(bytes: &[u8], slave: &DpSlave) -> String {
     let Some(diagnosis) = Diagnosis::new(bytes) else { return "it has sent no diagnosis".into() };
     let mut text = diagnosis.to_string();
@@ -125,7 +123,6 @@ pub fn diagnosis_words(bytes: &[u8], slave: &DpSlave) -> String {
 }
 
 /// Why a slave refuses the master at address `ours`, the remedy, and the rest of its diagnosis.
-#[must_use]
 pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
     let said = diagnosis_words(bytes, slave);
     let Some(why) = Diagnosis::new(bytes).and_then(|diagnosis| diagnosis.refusal(ours, slave.ident)) else {
@@ -140,7 +137,6 @@ pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
 }
 
 /// The diagnosis in an area filled by [`DpSlave::keep_diagnosis`]; its content is not trusted.
-#[must_use]
 pub fn kept_diagnosis(area: &[u8]) -> &[u8] {
     match area {
         [len, bytes @ ..] => bytes.get(..usize::from(*len)).unwrap_or_default(),

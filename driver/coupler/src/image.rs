@@ -19,7 +19,6 @@ pub enum State {
 
 impl State {
     /// In a word or two.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Starting => "starting",
@@ -30,7 +29,6 @@ impl State {
     }
 
     /// The state of this number; `None` if there is no such state.
-    #[must_use]
     pub const fn of(number: u8) -> Option<Self> {
         Some(match number {
             0 => Self::Starting,
@@ -90,7 +88,6 @@ pub struct Status {
 impl Status {
     /// The words in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
     /// from the lowest byte on; then the other fields in turn, the duration in nanoseconds.
-    #[must_use]
     pub fn to_words(self) -> [u64; 8] {
         let refusal = self.refusal.map_or(0, |refusal| {
             let table = Table::ALL.iter().position(|(_, table)| *table == refusal.table).unwrap_or(0) as u64 + 1;
@@ -113,7 +110,6 @@ impl Status {
     }
 
     /// From the image of a bus; `None` if the words have no meaning.
-    #[must_use]
     pub fn from_words(words: &[u64; 8]) -> Option<Self> {
         let &[first, bad, exchanges, failures, exceptions, losses, round, diagnosis] = words;
         let [state, exception, function, table, at @ ..] = first.to_le_bytes();
@@ -151,7 +147,6 @@ pub struct Image {
 
 impl Image {
     /// The image of a bus before its first exchange.
-    #[must_use]
     pub fn new(config: &BusConfig) -> Self {
         Self {
             inputs: vec![0; config.input_bytes],

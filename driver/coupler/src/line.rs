@@ -29,7 +29,6 @@ pub struct LineMaster {
 
 impl LineMaster {
     /// The master of a line whose couplers begin at `first` in [`Image::status`].
-    #[must_use]
     pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Instant) -> Self {
         let coupler = |(n, config)| Coupler::new(config, first + n, input_bytes, now);
         Self {
@@ -97,7 +96,6 @@ impl LineMaster {
     }
 
     /// Whether every reachable coupler has the current outputs.
-    #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         let reached =
             |coupler: &&Coupler| image.status.get(coupler.index()).is_some_and(|status| status.state == State::Running);

@@ -21,13 +21,11 @@ impl Chunk {
     }
 
     /// Whether it overlaps a range.
-    #[must_use]
     pub fn meets(&self, range: &Range) -> bool {
         self.table == range.table && u32::from(range.first) < self.end() && u32::from(self.first) < range.end()
     }
 
     /// Bytes of its elements as transferred.
-    #[must_use]
     pub const fn bytes(&self) -> usize {
         if self.table.has_bits() { (self.count as usize).div_ceil(8) } else { 2 * self.count as usize }
     }
@@ -35,14 +33,12 @@ impl Chunk {
 
 /// The requests that read these ranges. Adjacent or overlapping ranges are one request, up to its maximum length. A gap
 /// is never read too, because a coupler refuses a request with a missing address.
-#[must_use]
 pub fn reads(ranges: &[Range]) -> Vec<Chunk> {
     let most = |table: Table| if table.has_bits() { pdu::READ_BITS_MAX } else { pdu::READ_WORDS_MAX };
     merged(ranges, most)
 }
 
 /// The requests that write these ranges, which do not overlap.
-#[must_use]
 pub fn writes(ranges: &[Range]) -> Vec<Chunk> {
     let most = |table: Table| if table.has_bits() { pdu::WRITE_BITS_MAX } else { pdu::READ_WRITE_WORDS_MAX };
     merged(ranges, most)

@@ -24,7 +24,6 @@ impl Profile {
         [("wago-750", Self::Wago750), ("beckhoff-bk", Self::BeckhoffBk), ("moxa-iologik", Self::MoxaIoLogik)];
 
     /// The watchdog times that can be set; `None`: none over Modbus.
-    #[must_use]
     pub const fn times(self) -> Option<std::ops::RangeInclusive<Span>> {
         match self {
             Self::Wago750 => Some(WAGO_UNIT..=WAGO_UNIT.times(0xFFFF)),
@@ -34,7 +33,6 @@ impl Profile {
     }
 
     /// The writes that reset a coupler whose watchdog has expired. Harmless if it has not.
-    #[must_use]
     pub fn reset(self) -> Vec<Setup> {
         match self {
             // 1008h: "simply stop", which clears a fault and lets the other registers be written.
@@ -48,7 +46,6 @@ impl Profile {
 
     /// The writes that set the watchdog, after [`Self::reset`], because a running one cannot be changed. Times are
     /// rounded up to the coupler's unit.
-    #[must_use]
     pub fn watchdog(self, time: Span) -> Vec<Setup> {
         match self {
             // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, and it starts with the next.
@@ -60,7 +57,6 @@ impl Profile {
     }
 
     /// The proof that a watchdog with this time runs; `skips` of the set-up writes are those that set it.
-    #[must_use]
     pub fn proof(self, time: Span, skips: usize) -> Option<Proof> {
         match self {
             // 1000h the time, 1006h its state: 1, it runs.

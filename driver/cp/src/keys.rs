@@ -23,7 +23,6 @@ impl CpType {
     pub const CP240: Self = Self { kind: CpKind::Cp240, keys: None, interface: Interface::Rs232 };
 
     /// The type of this name, with the keys under `params`.
-    #[must_use]
     pub fn of(name: &str, params: &Map<String, Json>) -> Option<Self> {
         // A CP with boxes is not a serial one.
         let kind = CpKind::of_name(name).filter(|kind| !kind.row().has_boxes)?;

@@ -3,7 +3,7 @@
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs, OrderTimes};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
-    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why,
+    Counter, Cp, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why,
     Wire,
 };
 
@@ -238,8 +238,8 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.segment.set_leds(leds);
     }
 
-    fn count(&mut self, counter: CpCounter, n: u64) {
-        self.end.segment.count(translate::counter(counter), n);
+    fn count(&mut self, counter: Counter, n: u64) {
+        self.end.segment.count(counter, n);
     }
 
     fn event(&mut self, now: Instant, event: CpEvent<'_>) {

@@ -1,7 +1,7 @@
 //! Translates the firmware's types to those of the back plane.
 
-use ob1_backplane::{Counter, ModemInputs};
-use ob1_firmware::{CpCounter, ModemLines};
+use ob1_backplane::ModemInputs;
+use ob1_firmware::ModemLines;
 
 /// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is
 /// up).
@@ -35,24 +35,6 @@ pub enum EventCode {
     /// The line gives back what is sent in half duplex; data: 1, or 0 when it has ceased to. The text is in record
     /// [`LINE_TEXT_RECORD`].
     LineEcho = 9,
-}
-
-pub(crate) const fn counter(counter: CpCounter) -> Counter {
-    match counter {
-        CpCounter::OrdersAccepted => Counter::OrdersAccepted,
-        CpCounter::Sent => Counter::TelegramsSent,
-        CpCounter::SendErrors => Counter::SendErrors,
-        CpCounter::OrdersAborted => Counter::OrdersAborted,
-        CpCounter::Received => Counter::TelegramsReceived,
-        CpCounter::Delivered => Counter::TelegramsDelivered,
-        CpCounter::ReceiveAborted => Counter::ReceiveAborted,
-        CpCounter::ReceiveErrors => Counter::ReceiveErrors,
-        CpCounter::Rejected => Counter::RejectedFull,
-        CpCounter::BytesTx => Counter::BytesTx,
-        CpCounter::BytesRx => Counter::BytesRx,
-        CpCounter::LineFaults => Counter::LineFaults,
-        CpCounter::LineRestarts => Counter::LineRestarts,
-    }
 }
 
 pub(crate) fn modem(lines: ModemLines, rts: bool, dtr: bool) -> ModemInputs {

@@ -5,8 +5,8 @@ use std::rc::Rc;
 
 use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment, Why};
 use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_firmware::{Instant, LineFault, LineInput, LineSettings, Span};
-use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_params::CpKind;
 
 const MS: Span = Span::MILLISECOND;

@@ -115,13 +115,11 @@ impl Gsd {
     }
 
     /// Maker and model of the slave, as the GSD file names them.
-    #[must_use]
     pub fn name(&self) -> String {
         format!("{} {}", self.0.vendor, self.0.model).trim().to_owned()
     }
 
     /// Ident number: the slave reports it, and the master compares it.
-    #[must_use]
     pub fn ident(&self) -> u16 {
         self.0.ident_number
     }
@@ -132,19 +130,16 @@ impl Gsd {
     }
 
     /// Bytes of its longest diagnosis.
-    #[must_use]
     pub fn diagnosis_bytes(&self) -> usize {
         usize::from(self.0.max_diag_data_length).clamp(STANDARD_BYTES, DIAGNOSIS_BYTES)
     }
 
     /// The meanings of the bits of its device diagnosis.
-    #[must_use]
     pub fn texts(&self) -> BTreeMap<u32, String> {
         self.0.unit_diag.bits.iter().map(|(bit, info)| (*bit, info.text.clone())).collect()
     }
 
     /// The meanings of the values of fields of its device diagnosis.
-    #[must_use]
     pub fn fields(&self) -> Vec<DiagnosisField> {
         let areas = self.0.unit_diag.areas.iter();
         areas
@@ -154,7 +149,6 @@ impl Gsd {
     }
 
     /// The longest time to its answer at a baud rate, in bits; `None`: it does not support that baud rate.
-    #[must_use]
     pub fn answer_bits(&self, baud: u32) -> Option<u16> {
         let (speed, times) = (self.0.supported_speeds, &self.0.max_tsdr);
         let (supported, answer) = match baud {
@@ -274,7 +268,6 @@ fn where_and_what(picture: &str) -> String {
 }
 
 /// Input and output bytes of the identifiers of a module; `None`: they are incomplete.
-#[must_use]
 pub fn lengths(config: &[u8]) -> Option<(usize, usize)> {
     // Bits 0 to 5 or 0 to 3: the number minus one; bit 6: words.
     let bytes = |count: u8, words: bool| (usize::from(count) + 1) * if words { 2 } else { 1 };

@@ -102,14 +102,12 @@ impl Master {
     }
 
     /// Whether every slave that exchanges data has the current outputs.
-    #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         let runs = |known: &&Known| image.status.get(known.index).is_some_and(|status| status.state == State::Running);
         !self.stack.is_up || self.slaves.iter().filter(runs).all(|known| known.told >= SURE)
     }
 
     /// The line, for counters.
-    #[must_use]
     pub const fn wires(&self) -> &Wires {
         &self.stack.wires
     }

@@ -55,13 +55,11 @@ impl Scan {
     }
 
     /// The slaves that have answered so far, by address.
-    #[must_use]
     pub fn found(&self) -> &[Found] {
         &self.found
     }
 
     /// Telegrams sent: a round of the line needs one for each address, and one for each token.
-    #[must_use]
     pub const fn sent(&self) -> u64 {
         self.stack.wires.sent()
     }

@@ -123,7 +123,6 @@ fn station(config: &DpConfig) -> Result<FdlActiveStation, NoMaster> {
 }
 
 /// The shortest slot time of the standard for a baud rate, in bits.
-#[must_use]
 pub const fn least_slot_bits(baud: u32) -> u16 {
     match baud {
         0..=187_500 => 100,

@@ -7,7 +7,6 @@ use profirust::{Baudrate, time};
 pub(crate) const MICRO: Span = Span::MICROSECOND;
 
 /// The stack's value for a baud rate; `None`: PROFIBUS or serial lines do not have it.
-#[must_use]
 pub const fn baud_rate(baud: u32) -> Option<Baudrate> {
     Some(match baud {
         9600 => Baudrate::B9600,

@@ -104,13 +104,11 @@ impl Wires {
     }
 
     /// Telegrams that were damaged, cut off, or did not answer the request.
-    #[must_use]
     pub const fn rejected(&self) -> u64 {
         self.rejected
     }
 
     /// Number of telegrams sent; it only grows.
-    #[must_use]
     pub const fn sent(&self) -> u64 {
         self.sent
     }

@@ -3,11 +3,11 @@
 
 mod diagnosis;
 mod exchange;
-#[cfg(test)]
-mod model;
 mod outlet;
 mod receive;
 mod send;
+#[cfg(test)]
+mod tests;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
@@ -16,7 +16,7 @@ use ob1_protocols::{Input, Instant, LineFault, LineInput, ModemLines, Order, Sen
 pub use ob1_words::cp040::IO_BYTES;
 
 use crate::leds::{LedDriver, Leds};
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
+use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort};
 use crate::protocol::{Protocol, Setup};
 use crate::reason::{Reason, Waiting, Why};
 use diagnosis::Diagnosis;
@@ -78,7 +78,7 @@ impl Cp for Cp040 {
             }
             CpInput::Line(line) => self.line(now, line, port),
             CpInput::NoLine => {
-                port.count(CpCounter::LineFaults, 1);
+                port.count(Counter::LineFaults, 1);
                 (self.line_gone, self.line_awaited) = (true, true);
             }
             CpInput::CpuRun(run) => {
@@ -207,10 +207,10 @@ impl Cp040 {
         let telegrams_max = self.parameters.as_ref().map_or(1, Parameters::receive_buffers);
         let (aborted, dropped) = self.exchange.clear(telegrams_max);
         if aborted {
-            port.count(CpCounter::OrdersAborted, 1);
+            port.count(Counter::OrdersAborted, 1);
         }
         if dropped > 0 {
-            port.count(CpCounter::ReceiveAborted, dropped as u64);
+            port.count(Counter::ReceiveAborted, dropped as u64);
         }
     }
 
@@ -257,7 +257,7 @@ impl Cp040 {
             send::Step::Discarded | send::Step::BadOrder => port.event(now, CpEvent::OrderDiscarded { code: None }),
             send::Step::BadLength => port.event(now, CpEvent::OrderDiscarded { code: Some(SendError::TooLong.code()) }),
             send::Step::Complete => {
-                port.count(CpCounter::OrdersAccepted, 1);
+                port.count(Counter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.exchange.send.telegram()));
                 if let Some(slave) = self.protocol.slave() {
                     let stored = slave.set_input(self.exchange.send.telegram());
@@ -274,7 +274,7 @@ impl Cp040 {
     fn received(&mut self, now: Instant, step: receive::Step, port: &mut dyn CpPort) {
         if let receive::Step::Delivered(bytes) = step {
             if let Some(bytes) = bytes {
-                port.count(CpCounter::Delivered, 1);
+                port.count(Counter::TelegramsDelivered, 1);
                 port.event(now, CpEvent::Delivered(bytes));
             }
             if let Some(slave) = self.protocol.slave() {
@@ -396,7 +396,7 @@ impl Cp040 {
         let Some(area) = slave.areas().output().get(change.first..change.first + change.bytes) else { return };
         blocks.copy_from_slice(area);
         if self.exchange.receive.push(Some(change.first as u16), blocks) {
-            port.count(CpCounter::Received, 1);
+            port.count(Counter::TelegramsReceived, 1);
             port.event(now, CpEvent::Changed(change.bytes));
         }
     }

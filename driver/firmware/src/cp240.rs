@@ -33,7 +33,7 @@ use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, S
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
+use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort, StartReason};
 use crate::protocol::{Protocol, Setup};
 use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
@@ -127,7 +127,7 @@ impl Cp for Cp240 {
             }
             CpInput::Line(line) => self.line(now, line, port),
             CpInput::NoLine => {
-                port.count(CpCounter::LineFaults, 1);
+                port.count(Counter::LineFaults, 1);
                 self.line_gone = true;
             }
             CpInput::CpuRun(true) => {
@@ -278,11 +278,11 @@ impl Cp240 {
         self.protocol = Protocol::None;
         self.protocol_due = None;
         if self.send.clear() && rk512.is_none() {
-            port.count(CpCounter::OrdersAborted, 1);
+            port.count(Counter::OrdersAborted, 1);
         }
         let dropped = self.receive.clear(self.capacity);
         if dropped > 0 {
-            port.count(CpCounter::ReceiveAborted, dropped as u64);
+            port.count(Counter::ReceiveAborted, dropped as u64);
         }
     }
 
@@ -385,7 +385,7 @@ impl Cp240 {
             }
             send::Step::Complete if self.rk512_machine.is_some() => self.handed(now, port),
             send::Step::Complete => {
-                port.count(CpCounter::OrdersAccepted, 1);
+                port.count(Counter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
                 if let Some(slave) = self.protocol.slave() {
                     let output = self.send.for_output_area();
@@ -406,14 +406,14 @@ impl Cp240 {
             receive::Step::Wait | receive::Step::Offered => {}
             receive::Step::PartTaken => self.drive(now, Input::Tick, port),
             receive::Step::Delivered(length) => {
-                port.count(CpCounter::Delivered, 1);
+                port.count(Counter::TelegramsDelivered, 1);
                 port.event(now, CpEvent::Delivered(length));
                 self.change_taken(true);
                 // The buffer has become free: a protocol may have made its partner wait for that.
                 self.drive(now, Input::Tick, port);
             }
             receive::Step::Refused => {
-                port.count(CpCounter::ReceiveAborted, 1);
+                port.count(Counter::ReceiveAborted, 1);
                 self.change_taken(false);
                 self.drive(now, Input::Tick, port);
             }
@@ -501,7 +501,7 @@ impl Cp240 {
         if let Some(slave) = self.protocol.slave()
             && let Some(bytes) = modbus::offer_change(slave, &mut self.receive)
         {
-            port.count(CpCounter::Received, 1);
+            port.count(Counter::TelegramsReceived, 1);
             port.event(now, CpEvent::Changed(bytes));
         }
         if self.rk512_machine.is_some() {

@@ -33,6 +33,6 @@ pub use ob1_protocols::modbus_master_32::job::LONG_BIT;
 pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, trace};
 pub use ob1_words::cp240::Registers;
 pub use ob1_words::{Reason, Why};
-pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
+pub use port::{Counter, Cp, CpEvent, CpInput, CpPort, StartReason};
 pub use reason::{Troubles, Waiting};
 pub use ring::TELEGRAMS_MAX;

@@ -4,6 +4,7 @@ use std::fmt::Debug;
 
 use ob1_params::{Cp341 as Keys, Interface, LineSettings, ParamError};
 use ob1_protocols::{Event, Instant, LineFault, LineInput, Phase, SendError, Span, What, Wire, rk512};
+pub use ob1_words::Counter;
 use ob1_words::channels::{Channel, ChannelBlock};
 
 use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
@@ -92,7 +93,7 @@ pub trait CpPort: Wire {
     fn leds(&mut self, leds: Leds);
 
     /// Adds to a counter.
-    fn count(&mut self, counter: CpCounter, n: u64);
+    fn count(&mut self, counter: Counter, n: u64);
 
     /// Something worth a diagnostic entry or a line of the trace.
     fn event(&mut self, now: Instant, event: CpEvent<'_>);
@@ -102,23 +103,23 @@ pub trait CpPort: Wire {
 impl dyn CpPort + '_ {
     /// Puts characters on the line.
     pub(crate) fn put_out(&mut self, bytes: &[u8]) {
-        self.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.count(Counter::BytesTx, bytes.len() as u64);
         self.transmit(bytes);
     }
 
     /// Counts what has come from the line.
     pub(crate) fn count_line(&mut self, line: LineInput<'_>, was_gone: bool) {
         match line {
-            LineInput::Rx(bytes) => self.count(CpCounter::BytesRx, bytes.len() as u64),
-            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, u64::from(!was_gone)),
-            LineInput::Fault(LineFault::Back) => self.count(CpCounter::LineRestarts, 1),
+            LineInput::Rx(bytes) => self.count(Counter::BytesRx, bytes.len() as u64),
+            LineInput::Fault(LineFault::Gone) => self.count(Counter::LineFaults, u64::from(!was_gone)),
+            LineInput::Fault(LineFault::Back) => self.count(Counter::LineRestarts, 1),
             _ => {}
         }
     }
 
     /// An occurrence in a protocol of a CP 240 or CP 040.
     pub(crate) fn occurred(&mut self, now: Instant, event: Event) {
-        if let Some(counter) = CpCounter::of(event.what) {
+        if let Some(counter) = counted(event.what) {
             self.count(counter, 1);
         }
         self.event(now, CpEvent::Protocol(event));
@@ -127,7 +128,7 @@ impl dyn CpPort + '_ {
     /// A telegram has come; `is_stored`: the buffer had room for it.
     pub(crate) fn received(&mut self, now: Instant, telegram: &[u8], is_stored: bool) {
         if is_stored {
-            self.count(CpCounter::Received, 1);
+            self.count(Counter::TelegramsReceived, 1);
             self.event(now, CpEvent::Received(telegram));
         } else {
             // A protocol that does not ask for room first.
@@ -152,11 +153,11 @@ impl dyn CpPort + '_ {
     pub(crate) fn ended(&mut self, now: Instant, outcome: Result<(), u8>) {
         match outcome {
             Ok(()) => {
-                self.count(CpCounter::Sent, 1);
+                self.count(Counter::TelegramsSent, 1);
                 self.event(now, CpEvent::Sent);
             }
             Err(code) => {
-                self.count(CpCounter::SendErrors, 1);
+                self.count(Counter::SendErrors, 1);
                 self.event(now, CpEvent::SendFailed(code));
             }
         }
@@ -170,55 +171,19 @@ impl dyn CpPort + '_ {
     }
 }
 
-/// What a CP counts.
-///
-/// At every moment: orders accepted = sent + failed + aborted + the running one; telegrams received = delivered +
-/// dropped + those in the buffer. What is running or buffered when a CP is killed is lost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum CpCounter {
-    /// Orders taken over completely from the CPU.
-    OrdersAccepted,
-    /// Orders that ended successfully: acknowledged by the protocol.
-    Sent,
-    /// Orders ended with an error.
-    SendErrors,
-    /// Orders dropped by a reset or new parameters.
-    OrdersAborted,
-    /// Telegrams received completely and put into the buffer.
-    Received,
-    /// Telegrams handed over completely to the CPU.
-    Delivered,
-    /// Telegrams dropped from the buffer by a reset or new parameters.
-    ReceiveAborted,
-    /// Attempts to receive that failed: parity, frame, check character, time.
-    ReceiveErrors,
-    /// Attempts of the partner rejected because the buffer was full.
-    Rejected,
-    /// Characters transmitted on the line.
-    BytesTx,
-    /// Characters received from the line.
-    BytesRx,
-    /// Times the line was found gone.
-    LineFaults,
-    /// Times it came back.
-    LineRestarts,
-}
-
-impl CpCounter {
-    /// The counter of an occurrence in a protocol of a CP 240 or CP 040.
-    pub(crate) const fn of(what: What) -> Option<Self> {
-        match what {
-            What::NoBuffer | What::TooLong => Some(Self::Rejected),
-            What::CharacterDelay
-            | What::Restarted
-            | What::BadDle(_)
-            | What::BadCheck { .. }
-            | What::Modbus(_)
-            | What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
-                Some(Self::ReceiveErrors)
-            }
-            _ => None,
+/// The counter of an occurrence in a protocol of a CP 240 or CP 040.
+pub(crate) const fn counted(what: What) -> Option<Counter> {
+    match what {
+        What::NoBuffer | What::TooLong => Some(Counter::RejectedFull),
+        What::CharacterDelay
+        | What::Restarted
+        | What::BadDle(_)
+        | What::BadCheck { .. }
+        | What::Modbus(_)
+        | What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+            Some(Counter::ReceiveErrors)
         }
+        _ => None,
     }
 }
 

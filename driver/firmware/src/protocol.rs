@@ -72,9 +72,9 @@ impl Setup {
     /// The machine, ready for its first step. That of RK 512 stands beside it: [`Setup::rk512`].
     pub(crate) fn build(&self) -> Protocol {
         match self {
-            Self::Ascii(config) => Protocol::Ascii(Ascii::new(config.clone())),
+            Self::Ascii(config) => Protocol::Ascii(Ascii::new(config)),
             Self::S3964(config) => Protocol::S3964(S3964::new(config.clone())),
-            Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config.clone())),
+            Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config)),
             Self::Modbus(modbus::Setup::Master(config)) => Protocol::ModbusMaster(Master::new(config.clone())),
             Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
             Self::Rk512(_) => Protocol::None,
@@ -201,8 +201,8 @@ impl Protocol {
     /// What the running order waits for because the partner has stopped it; `lines`: the modem lines.
     pub(crate) fn stopped(&self, lines: ModemLines) -> Option<Reason> {
         let (is_stopped, flow) = match self {
-            Self::Ascii(machine) => (machine.is_stopped(), machine.config().flow),
-            Self::StxEtx(machine) => (machine.is_stopped(), machine.config().flow),
+            Self::Ascii(machine) => (machine.is_stopped(), machine.flow()),
+            Self::StxEtx(machine) => (machine.is_stopped(), machine.flow()),
             _ => return None,
         };
         is_stopped.then(|| stopped_by(flow, lines))
@@ -238,8 +238,8 @@ impl Protocol {
     /// Whether the protocol drives RTS: hardware flow control.
     pub(crate) fn drives_rts(&self) -> bool {
         match self {
-            Self::Ascii(machine) => machine.config().flow == ascii::Flow::Hardware,
-            Self::StxEtx(machine) => machine.config().flow == ascii::Flow::Hardware,
+            Self::Ascii(machine) => machine.flow() == ascii::Flow::Hardware,
+            Self::StxEtx(machine) => machine.flow() == ascii::Flow::Hardware,
             _ => false,
         }
     }

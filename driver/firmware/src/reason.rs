@@ -3,7 +3,7 @@
 use ob1_protocols::{Event, Instant, Span, What};
 pub(crate) use ob1_words::{Reason, Why};
 
-use crate::port::{Cp, CpCounter, CpEvent};
+use crate::port::{Cp, CpEvent, counted};
 
 /// What was received has not been fetched for this long: the program does not call its block. Longer than any scan.
 /// (ours)
@@ -45,7 +45,7 @@ impl Troubles {
             CpEvent::JobFailed(status) => self.failed(now, status),
             CpEvent::Received(_) | CpEvent::Changed(_) | CpEvent::Asked(..) => self.receives = None,
             CpEvent::Protocol(Event { what: What::NoBuffer, .. }) => self.rejected(now),
-            CpEvent::Protocol(event) if CpCounter::of(event.what).is_some() => {
+            CpEvent::Protocol(event) if counted(event.what).is_some() => {
                 self.unreadable(now, event.number().unwrap_or(0));
             }
             CpEvent::Rk512(event) => self.entry(now, event.number().unwrap_or(0)),

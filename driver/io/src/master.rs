@@ -40,7 +40,6 @@ impl Master {
     }
 
     /// Whether every reachable station has the current outputs.
-    #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         match self {
             Self::Modbus(master) => master.has_told_outputs(image),

@@ -28,7 +28,6 @@ pub struct Pump {
 
 impl Pump {
     /// A pump of a new process.
-    #[must_use]
     pub fn new(config: &BusConfig, segment: CpSide, memory: &BusMemory, size: BusSize, now: Instant) -> Self {
         let mut pump = Self {
             segment,
@@ -83,7 +82,6 @@ impl Pump {
     }
 
     /// When [`Self::show`] is due at the latest.
-    #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.next_beat
     }

@@ -588,5 +588,4 @@ fn put(link: &mut dyn Link, may_write: &mut bool, bytes: &[u8]) -> io::Result<us
 }
 
 #[cfg(test)]
-#[path = "real_tests.rs"]
 mod tests;

@@ -44,12 +44,6 @@ impl Cp240 {
         keys
     }
 
-    /// The parameters in words, one line each: key, value, meaning.
-    pub fn describe(&self) -> String {
-        let (layout, keys) = self.rows();
-        CP240.describe(self.protocol_name(), layout, &keys)
-    }
-
     /// Layout and the values of its rows in the order of the table.
     pub(crate) fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
         let int = |n: u16| Value::Int(n.into());

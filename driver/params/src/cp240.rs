@@ -20,19 +20,16 @@ impl Interface {
     pub const NAMES: [(&str, Self); 3] = [("rs232", Self::Rs232), ("rs422", Self::Rs422), ("rs485", Self::Rs485)];
 
     /// Its name in the station file.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, interface)| *interface == self).map_or("", |(name, _)| name)
     }
 
     /// Whether it has DTR, CTS, DSR, RI and CD; RTS is on every plug. [S0 L1466 ff.], [S0 L1504], [S0 L1526]
-    #[must_use]
     pub const fn has_modem_lines(self) -> bool {
         matches!(self, Self::Rs232)
     }
 
     /// Two wires: "Serial bus connection in two-wire technology using half duplex mode" [S0 L1492]
-    #[must_use]
     pub const fn is_half_duplex(self) -> bool {
         matches!(self, Self::Rs485)
     }
@@ -76,14 +73,12 @@ pub enum Protocol {
 impl Protocol {
     /// Whether a CP with it raises diagnostic interrupts: "Diagnosis data -" of the M-Bus module [S0 L4717],
     /// "Diagnosealarm nein" of the EnOcean module [S1 L781].
-    #[must_use]
     pub const fn has_diagnostics(&self) -> bool {
         !matches!(self, Self::MBus | Self::EnOcean)
     }
 
     /// Whether the CP shows a start-up identifier and waits for FC 9: in the Modbus modes it "is ready for
     /// communication" with valid parameters [S0 "Commissioning"].
-    #[must_use]
     pub const fn has_identifier(&self) -> bool {
         !matches!(self, Self::Modbus(_))
     }
@@ -164,7 +159,7 @@ pub struct Modbus {
     pub address: u8,
     /// For the maker's internal tests; without effect here.
     pub debug: bool,
-    /// Wait of the master in milliseconds, 1..60000; 0: see [`Modbus::wait_auto_ms`]. A slave ignores it.
+    /// Wait of the master in milliseconds, 1..60000; 0: by the baud rate. A slave ignores it.
     pub wait_ms: u16,
 }
 
@@ -196,19 +191,8 @@ impl ModbusKind {
     ];
 
     /// Whether the CP is a master: it sends requests, and needs no address.
-    #[must_use]
     pub const fn is_master(self) -> bool {
         matches!(self, Self::MasterAscii | Self::MasterRtu)
-    }
-}
-
-impl Modbus {
-    /// The computed wait at this baud rate, milliseconds. [S0 "Delay time"]
-    pub fn wait_auto_ms(&self, baud: u32) -> u32 {
-        use ModbusKind::{MasterAscii, SlaveAsciiLong, SlaveAsciiShort};
-        let per_baud =
-            if matches!(self.kind, MasterAscii | SlaveAsciiShort | SlaveAsciiLong) { 2_926_000 } else { 5_190_000 };
-        50 + per_baud / baud.max(1)
     }
 }
 

@@ -45,7 +45,6 @@ pub const PROTOCOLS_341: Protocols = &[
 ];
 
 /// The protocols of a type; none for a type whose parameters are bytes.
-#[must_use]
 pub fn protocols_of(kind: CpKind) -> Protocols {
     match kind {
         CpKind::Cp341 => PROTOCOLS_341,

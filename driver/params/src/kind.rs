@@ -42,8 +42,19 @@ pub struct CpRow {
 
 /// LEDs of a CP 240 and a CP 040.
 const VIPA_LEDS: [&str; 4] = ["PW", "ER", "TxD", "RxD"];
-/// A CP 340 and a CP 341 have no LED for their power. [S4 "Diagnostics via Display Elements (LEDs)"]
-const SIEMENS_LEDS: [&str; 4] = ["", "SF", "TXD", "RXD"];
+/// What a CP 340 and a CP 341 have in common.
+const SIEMENS: CpRow = CpRow {
+    kind: CpKind::Cp341,
+    name: "",
+    text: "",
+    io_bytes: Some(16),
+    // They have no LED for their power. [S4 "Diagnostics via Display Elements (LEDs)"]
+    leds: ["", "SF", "TXD", "RXD"],
+    has_channels: true,
+    has_boxes: false,
+    has_record: true,
+    outputs_first: false,
+};
 
 impl CpKind {
     /// All rows, each type once.
@@ -59,28 +70,8 @@ impl CpKind {
             has_record: false,
             outputs_first: true,
         },
-        CpRow {
-            kind: Self::Cp341,
-            name: "cp341",
-            text: "CP 341",
-            io_bytes: Some(16),
-            leds: SIEMENS_LEDS,
-            has_channels: true,
-            has_boxes: false,
-            has_record: true,
-            outputs_first: false,
-        },
-        CpRow {
-            kind: Self::Cp340,
-            name: "cp340",
-            text: "CP 340",
-            io_bytes: Some(16),
-            leds: SIEMENS_LEDS,
-            has_channels: true,
-            has_boxes: false,
-            has_record: true,
-            outputs_first: false,
-        },
+        CpRow { kind: Self::Cp341, name: "cp341", text: "CP 341", ..SIEMENS },
+        CpRow { kind: Self::Cp340, name: "cp340", text: "CP 340", ..SIEMENS },
         CpRow {
             kind: Self::Cp040,
             name: "cp040",
@@ -106,7 +97,6 @@ impl CpKind {
     ];
 
     /// The properties of this type.
-    #[must_use]
     pub fn row(self) -> &'static CpRow {
         const TABLE: &[CpRow] = &CpKind::TABLE;
         match TABLE.iter().find(|row| row.kind == self) {
@@ -117,13 +107,11 @@ impl CpKind {
     }
 
     /// The type of this name in the station file.
-    #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         Self::TABLE.iter().find(|row| row.name == name).map(|row| row.kind)
     }
 
     /// Its name in the station file.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.row().name
     }

@@ -72,7 +72,6 @@ pub enum LineEnd {
 
 impl LineEnd {
     /// The characters that end a line on the paper.
-    #[must_use]
     pub const fn bytes(self) -> &'static [u8] {
         match self {
             Self::CrLf => b"\r\n",
@@ -83,7 +82,6 @@ impl LineEnd {
     }
 
     /// The character by which lines are counted.
-    #[must_use]
     pub const fn counted(self) -> u8 {
         match self {
             Self::Cr => b'\r',
@@ -105,7 +103,6 @@ pub enum CharacterSet {
 
 impl CharacterSet {
     /// The printer's character for an ANSI one; `?` if it has none.
-    #[must_use]
     pub fn byte(self, ansi: u8) -> u8 {
         let upper = ansi.checked_sub(0xA0).map(usize::from);
         match (self, upper) {
@@ -176,7 +173,6 @@ impl Printer {
     }
 
     /// Lines of a page for texts; 0: endless.
-    #[must_use]
     pub fn body_lines(&self) -> usize {
         usize::from(self.lines_per_page).saturating_sub(self.headers.len() + self.footers.len())
     }

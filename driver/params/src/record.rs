@@ -173,7 +173,6 @@ impl ByteTables {
     /// The bytes of a record that have something in bits of no parameter. The manual gives them no value
     /// [S0 L1896 ff.] and hardware configurations write there, so they are read over; but they can show that a value
     /// is in the wrong byte. None where the manual says that such bytes do not count.
-    #[must_use]
     pub fn reserved(&self, record: &Record) -> Vec<usize> {
         let Some((.., layout)) = self.protocols.iter().find(|(_, code, _)| *code == record[1]) else {
             return Vec::new();
@@ -236,16 +235,6 @@ impl ByteTables {
             }
         }
         record
-    }
-
-    /// The values in words, one line each: key, value, meaning.
-    pub(crate) fn describe(&self, protocol: &str, layout: Layout, keys: &[(&str, Value)]) -> String {
-        let mut text = format!("{:<16} = \"{protocol}\"\n", "protocol");
-        for (key, value) in keys {
-            let meaning = (self.fields)(layout).iter().find(|field| field.key == *key).map_or("", |field| field.text);
-            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
-        }
-        text
     }
 
     /// All defaults of a layout, with the code of this protocol.

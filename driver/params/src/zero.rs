@@ -24,7 +24,6 @@ pub enum Zero {
 }
 
 /// What 0 means for this key of `params`; `None`: it is a number like others, or not allowed.
-#[must_use]
 pub fn zero_of(kind: CpKind, key: &str) -> Option<Zero> {
     use CpKind::{Cp040, Cp240, Cp340, Cp341};
     Some(match (kind, key) {
@@ -51,7 +50,6 @@ pub fn zero_of(kind: CpKind, key: &str) -> Option<Zero> {
 }
 
 /// Character times that stand for a time of 0; 0 if it is not such a time.
-#[must_use]
 pub fn characters(kind: CpKind, key: &str) -> u64 {
     match zero_of(kind, key) {
         Some(Zero::Characters(characters)) => characters,

@@ -146,20 +146,6 @@ fn times_and_counts() {
     assert_eq!((p.kind, p.address, p.debug, p.wait_ms), (ModbusKind::SlaveRtuLong, 17, true, 60_000));
 }
 
-/// [S0 "Delay time"]: 50 ms + 5190000 ms / baud rate, ASCII 2926000.
-#[test]
-fn computed_wait_of_modbus() {
-    let wait = |protocol: &str| {
-        let cp = Cp240::defaults(protocol).expect(protocol);
-        match &cp.protocol {
-            Protocol::Modbus(p) => p.wait_auto_ms(cp.baud),
-            other => panic!("{other:?}"),
-        }
-    };
-    assert_eq!(wait("modbus-master-rtu"), 50 + 540);
-    assert_eq!(wait("modbus-master-ascii"), 50 + 304);
-}
-
 #[test]
 fn character_times() {
     let time = |keys: [(&str, Value); 3]| {
@@ -299,22 +285,6 @@ fn mistakes_in_words() {
         Cp240::decode(&with(defaults("3964r"), 10, 2)).expect_err("priority 2").to_string(),
         "parameter `priority` (byte 10): 02h is not allowed; allowed: 00h (low), 01h (high); correct the byte or write \
          `priority = ...` instead (which side gives way when both want to send)"
-    );
-}
-
-#[test]
-fn description() {
-    assert_eq!(
-        Cp240::unconfigured().describe(),
-        "protocol         = \"ascii\"\n\
-         baud             = 9600       # baud rate, bit/s\n\
-         data_bits        = 8          # data bits of a character\n\
-         parity           = \"even\"     # parity bit\n\
-         stop_bits        = 1          # stop bits\n\
-         flow             = \"none\"     # flow control\n\
-         zna_ms           = 0          # ZNA: pause before the next command is executed\n\
-         zvz_ms           = 200        # ZVZ: longest pause between two characters of a telegram; 0: two character times\n\
-         receive_buffers  = 1          # number of receive buffers\n"
     );
 }
 

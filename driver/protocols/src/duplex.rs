@@ -2,11 +2,11 @@
 //! each other (full duplex), and each side may stop the other by flow control.
 
 use crate::flow::{Flow, Gate, XOFF, XON};
-use crate::machine::{Event, Input, Instant, LineFault, LineInput, Order, Phase, Sink, What, earliest};
+use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, Sink, What, earliest};
 use crate::output::{Output, Rules};
 
 /// The receiving half: where telegrams begin and end.
-pub(crate) trait Receiver {
+pub trait Receiver {
     /// Silence may have ended a telegram; true if it has.
     fn tick(&mut self, now: Instant, out: &mut dyn Sink) -> bool;
 
@@ -33,7 +33,7 @@ pub(crate) trait Receiver {
 
 /// Both halves, with a send buffer of `N` bytes.
 #[derive(Clone, Debug)]
-pub(crate) struct Duplex<R, const N: usize> {
+pub struct Duplex<R, const N: usize> {
     flow: Flow,
     started: bool,
     output: Output<N>,
@@ -42,41 +42,14 @@ pub(crate) struct Duplex<R, const N: usize> {
 }
 
 impl<R: Receiver, const N: usize> Duplex<R, N> {
-    /// A machine before its first step.
-    pub(crate) fn new(rules: Rules, receive: R) -> Self {
+    pub(crate) fn of(rules: Rules, receive: R) -> Self {
         let flow = rules.flow;
         Self { flow, started: false, output: Output::new(rules), receive, gate: Gate::new(flow) }
     }
 
-    pub(crate) fn is_busy(&self) -> bool {
-        self.output.is_busy()
-    }
-
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.output.is_stopped()
-    }
-
-    pub(crate) fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
-        match input {
-            Input::Tick => self.tick(now, out),
-            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
-            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
-            Input::Line(LineInput::Modem(lines)) => {
-                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
-                // [S4 L817]
-                if self.output.modem(now, lines, out) {
-                    self.receive.abandon(What::Signals, out);
-                }
-            }
-            Input::Order(order) => {
-                if order == Order::Abort {
-                    self.receive.clear(out);
-                }
-                self.output.order(now, order, out);
-            }
-        }
-        self.deadline()
+    /// Who may stop the sender, and how.
+    pub fn flow(&self) -> Flow {
+        self.flow
     }
 
     fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
@@ -118,5 +91,38 @@ impl<R: Receiver, const N: usize> Duplex<R, N> {
     fn deadline(&self) -> Option<Instant> {
         let start = (!self.started).then_some(Instant::START);
         earliest([self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start])
+    }
+}
+
+impl<R: Receiver, const N: usize> Machine for Duplex<R, N> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
+        match input {
+            Input::Tick => self.tick(now, out),
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(lines)) => {
+                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
+                // [S4 L817]
+                if self.output.modem(now, lines, out) {
+                    self.receive.abandon(What::Signals, out);
+                }
+            }
+            Input::Order(order) => {
+                if order == Order::Abort {
+                    self.receive.clear(out);
+                }
+                self.output.order(now, order, out);
+            }
+        }
+        self.deadline()
+    }
+
+    fn busy(&self) -> bool {
+        self.output.is_busy()
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.output.is_stopped()
     }
 }

@@ -147,7 +147,6 @@ fn dialect(parameters: &Cp240) -> Dialect {
 }
 
 /// The content of a record besides characters, in words; `None`: nothing of interest.
-#[must_use]
 pub fn remark(record: &Record<'_>) -> Option<String> {
     let words = || String::from_utf8_lossy(record.data);
     match record.kind {
@@ -184,7 +183,6 @@ pub enum OrderStep {
 }
 
 /// What a note says about an order of the CPU, if it does; those of a partner are another matter.
-#[must_use]
 pub fn order_step(record: &Record<'_>) -> Option<OrderStep> {
     let text = std::str::from_utf8(record.data).ok().filter(|_| record.kind == Kind::Note)?;
     match text {
@@ -200,7 +198,6 @@ pub fn order_step(record: &Record<'_>) -> Option<OrderStep> {
 
 /// The bytes of a unit to show: user data, or the raw characters if `raw` is set or there are no user data. For a
 /// control character its name is enough.
-#[must_use]
 pub fn shown<'a>(unit: &Unit<'a>, raw: bool) -> Option<&'a [u8]> {
     match (&unit.meaning, unit.meaning.payload()) {
         (Meaning::Control(..) | Meaning::Fault(_), _) => None,

@@ -1,15 +1,15 @@
 //! The handling blocks of the CP 340: FB 2 P_RCV, FB 3 P_SEND, FB 4 P_PRINT, FB 12 P_RESET, FC 5 V24_STAT and
 //! FC 6 V24_SET.
 //!
-//! The parts they share with those of the CP 341 are in `ob1-ptp`. A CP 340 has no header and no areas: P_RCV stores
-//! each telegram at DB_NO and DBB_NO, P_SEND sends from there.
+//! The parts they share with those of the CP 341 are in `ob1-siemens`. A CP 340 has no header and no areas: P_RCV
+//! stores each telegram at DB_NO and DBB_NO, P_SEND sends from there.
 
 mod reset;
 
-use ob1_ptp::print::{Name, Print};
-use ob1_ptp::send::{self, Data, Job, LEN_WRONG, Source};
-use ob1_ptp::{CpState, receive};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::ptp::print::{Name, Print};
+use ob1_siemens::ptp::send::{self, Data, Job, LEN_WRONG, Source};
+use ob1_siemens::ptp::{CpState, receive};
 use ob1_words::channels::Job as Order;
 
 interface! {
@@ -68,7 +68,7 @@ interface! {
     }
 }
 
-const RECEIVE: receive::Params = ob1_ptp::receive_params!(rcv);
+const RECEIVE: receive::Params = ob1_siemens::receive_params!(rcv);
 
 struct Receive;
 
@@ -93,7 +93,7 @@ const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd
 struct Send;
 
 impl Job for Send {
-    const PARAMS: send::Params = ob1_ptp::send_params!(snd);
+    const PARAMS: send::Params = ob1_siemens::send_params!(snd);
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         SOURCE.check(cx)
@@ -134,5 +134,5 @@ ob1_sdk::export_plugin! {
     name: "cp340",
     version: env!("CARGO_PKG_VERSION"),
     module_state: CpState,
-    blocks: [ob1_ptp::v24::Stat, ob1_ptp::v24::Set, Receive, Send, Print<Print340>, reset::Reset],
+    blocks: [ob1_siemens::ptp::v24::Stat, ob1_siemens::ptp::v24::Set, Receive, Send, Print<Print340>, reset::Reset],
 }

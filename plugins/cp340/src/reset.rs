@@ -4,9 +4,9 @@
 //! same number in the second byte of the inputs (`docs/cp341-channels.md`): so it does not disturb jobs of the other
 //! blocks.
 
-use ob1_ptp::CpState;
-use ob1_ptp::channel::address;
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::ptp::CpState;
+use ob1_siemens::ptp::channel::address;
 use ob1_words::channels::RESET_AT;
 
 /// STATUS: the CP cannot be written to; RET_VAL of the record transfer is in SFCERR. (docs/cp341-events.md)

@@ -1,9 +1,9 @@
 //! FB 7 P_RCV_RK: receives telegrams of the partner, and with RK 512 serves its SEND and FETCH.
 //! [TIA help "PtP data link CP 341"]
 
-use ob1_ptp::CpState;
-use ob1_ptp::receive::{self, Params};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::ptp::CpState;
+use ob1_siemens::ptp::receive::{self, Params};
 
 interface! {
     /// The parameters, in the manual's order; the instance has 60 bytes.
@@ -43,7 +43,7 @@ interface! {
     }
 }
 
-const SHARED: Params = ob1_ptp::receive_params!(rcv);
+const SHARED: Params = ob1_siemens::receive_params!(rcv);
 
 pub(crate) struct ReceiveRk;
 

@@ -1,10 +1,10 @@
 //! FB 8 P_SND_RK: sends data of a DB, or fetches data of the partner into a DB (RK 512).
 //! [TIA help "PtP data link CP 341"]
 
-use ob1_ptp::CpState;
-use ob1_ptp::channel::LEN_MAX;
-use ob1_ptp::send::{self, Data, Job, Params, Source};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::ptp::CpState;
+use ob1_siemens::ptp::channel::LEN_MAX;
+use ob1_siemens::ptp::send::{self, Data, Job, Params, Source};
 use ob1_words::channels::Job as Order;
 
 interface! {
@@ -52,7 +52,7 @@ interface! {
 const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd::LEN, longest: LEN_MAX as i16 };
 
 impl Job for SendRk {
-    const PARAMS: Params = ob1_ptp::send_params!(snd);
+    const PARAMS: Params = ob1_siemens::send_params!(snd);
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         SOURCE.check(cx)

@@ -1,8 +1,8 @@
 //! FC 1 DP_SEND and FC 2 DP_RECV: the outputs and inputs of all slaves as one area each.
 
-use ob1_any::Span;
-use ob1_any::status::{SOURCE, TARGET};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::any::Span;
+use ob1_siemens::any::status::{SOURCE, TARGET};
 use ob1_words::cp342::{AREA_BYTES, HEAD_BYTES, RECEIVE, SEND, dp_status, mode, status};
 
 use crate::outcome::{AREA, Outcome, exchanging, of_memory, of_module};

@@ -1,8 +1,8 @@
 //! FC 3 DP_DIAG and FC 4 DP_CTRL: the CP's diagnoses of its slaves, and its mode.
 
-use ob1_any::Span;
-use ob1_any::status::{SOURCE, TARGET};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_siemens::any::Span;
+use ob1_siemens::any::status::{SOURCE, TARGET};
 use ob1_words::cp342::{DIAGNOSIS_LEAST, FIELD_BYTES, JOB, JOB_CONTROL, JOB_DIAG, STATUS_BYTES, dtype, status};
 
 use crate::outcome::{Outcome, exchanging, of_memory, of_module};

@@ -1,7 +1,7 @@
 //! The outcome of a call.
 
-use ob1_any::status as memory;
 use ob1_sdk::{Abort, Cx, Refused};
+use ob1_siemens::any::status as memory;
 use ob1_words::cp342::{HEAD_BYTES, RECEIVE, status};
 
 /// Data are not exchanged yet.

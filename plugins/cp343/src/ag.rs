@@ -7,8 +7,8 @@ use ob1_words::boxes::status::{COMMAND, LENGTH};
 use crate::area::Spans;
 use crate::job::{End, Wanted, turn};
 use crate::state::CpState;
-use ob1_any::Span;
-use ob1_any::status::{NO_MODULE, SOURCE, TARGET, of_memory};
+use ob1_siemens::any::Span;
+use ob1_siemens::any::status::{NO_MODULE, SOURCE, TARGET, of_memory};
 
 /// STATUS: the job is running.
 const RUNNING: u16 = 0x8181;

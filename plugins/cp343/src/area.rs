@@ -1,8 +1,8 @@
 //! The areas of a block in this CPU, and pointers to areas in the partner.
 
-use ob1_any::{Span, pointer};
 use ob1_sdk::types::Any;
 use ob1_sdk::{Abort, Cx, Formal, Readable, Refused};
+use ob1_siemens::any::{Span, pointer};
 use ob1_words::any::{AnyType, BYTES, Fields};
 use ob1_words::boxes::ITEMS_MAX;
 

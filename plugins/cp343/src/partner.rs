@@ -9,7 +9,7 @@ use ob1_sdk::types::{Any, Bool, Byte, DWord, Word};
 use ob1_sdk::{Abort, Cx, Formal, In, InOut, Kind, Out, STATION, Static};
 use ob1_words::boxes::{Service, status};
 
-use ob1_any::Span;
+use ob1_siemens::any::Span;
 
 use crate::area::{Spans, is_open, remote};
 use crate::job::{End, Wanted, cancel, turn};

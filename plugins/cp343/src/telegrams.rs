@@ -3,7 +3,7 @@
 use ob1_sdk::{Abort, Cx};
 use ob1_words::boxes::{BSEND_MAX, BSEND_MAX_300, Service, status};
 
-use ob1_any::Span;
+use ob1_siemens::any::Span;
 
 use crate::area::Spans;
 use crate::job::{End, cancel};

@@ -3,7 +3,7 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::response::{RESPONSE_MAX, Response, read as meaning};
-use crate::{records, status};
+use crate::{status, store};
 
 interface! {
     pub(crate) mod decode {
@@ -51,7 +51,7 @@ fn run(cx: &mut Cx<'_>) -> Result<(u16, u16), Abort> {
         Response::Error(status) => Ok((0, status)),
         Response::Fields(fields) => {
             let into = cx.get(decode::DB_NO)?;
-            let written = records::write(cx, into, fields)?;
+            let written = store::write(cx, into, fields)?;
             Ok((written.count, written.status))
         }
     }

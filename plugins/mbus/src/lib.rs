@@ -4,15 +4,20 @@
 //!
 //! The FBs send their orders with FC 0 and receive the responses with FC 1, like a user program. The user program must
 //! call FC 9 first, and may use only one of the FBs at a time on a CP. Parameters, layouts and STATUS: docs/mbus.md.
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
 
 mod decode;
 mod exchange;
 mod job;
 mod read;
-mod records;
+pub mod records;
 mod response;
 mod search;
 mod status;
+mod store;
 mod walk;
 
 ob1_sdk::export_plugin! {

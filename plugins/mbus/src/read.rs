@@ -5,7 +5,7 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 use crate::exchange::with_exchange;
 use crate::job::{Job, REQUEST, RESET, SELECTION, job_of};
 use crate::response::Response;
-use crate::{records, status};
+use crate::{status, store};
 
 /// "The address 253 shows a secondary addressing." [S0 "A field"]
 pub(crate) const SELECTED: u8 = 253;
@@ -129,7 +129,7 @@ fn responded(cx: &mut Cx<'_>, step: u8, response: Response<'_>) -> Result<(), Ab
         (_, Response::Acknowledged) => end(cx, status::NO_DATA),
         (_, Response::Fields(fields)) => {
             let db = cx.get(read::DB_NO)?;
-            let written = records::write(cx, db, fields)?;
+            let written = store::write(cx, db, fields)?;
             cx.store(read::ANSWERED, true)?;
             cx.set(read::MORE, written.more)?;
             cx.set(read::COUNT, written.count as i16)?;

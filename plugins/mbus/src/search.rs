@@ -5,7 +5,7 @@
 //! sets one more digit of the pattern to each of 0 to 9. The response of the CP does not distinguish a corrupted
 //! acknowledgement from none, so down to DEPTH digits the search continues even without an acknowledgement.
 
-use ob1_mbus_records::{Answer, Header};
+use crate::records::{Answer, Header};
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
 use crate::exchange::with_exchange;

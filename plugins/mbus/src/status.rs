@@ -1,6 +1,6 @@
 //! STATUS and RET_VAL. 8001h and 80FFh are those of the manual's FC 100 [S0 "FC 100"]; the others are ours.
 
-use ob1_mbus_records::Fault;
+use crate::records::Fault;
 
 /// No error, or a job runs.
 pub(crate) const OK: u16 = 0x0000;

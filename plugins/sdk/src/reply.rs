@@ -10,51 +10,53 @@ use ob1_abi::{self as abi, Status};
 #[must_use = "return it: the CPU is going to STOP"]
 pub struct Abort(pub(crate) ());
 
-/// Why the host refused a request; the block decides what that means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refused {
-    /// No such parameter, or not of the kind asked for; no instance in an FC.
-    NoParam,
-    /// The address lies outside its area; no timer or counter of this number.
-    Outside,
-    /// The data block does not exist.
-    NoDb,
-    /// An impossible data block number: 0, or above the CPU's limit.
-    DbNumber,
-    /// The data block is write-protected.
-    ReadOnly,
-    /// No module at this logical address.
-    NoModule,
-    /// The module's driver is down.
-    Absent,
-    /// The module is busy with another request; a later request may succeed.
-    Busy,
-    /// The module has no such record.
-    NoRecord,
-    /// The block to call does not exist, or its parameters do not match.
-    NoBlock,
-    /// The station file does not give the module this setting, or the host has no settings.
-    NoSetting,
-    /// An impossible length, or a status this version of the interface does not know.
-    BadArgument,
+/// Declares [`Refused`] from a row for each value: the host's status and the text.
+macro_rules! refusals {
+    ($(#[$meta:meta])* pub enum Refused { $($(#[$doc:meta])* $name:ident = $status:ident, $text:literal;)* }) => {
+        $(#[$meta])*
+        pub enum Refused { $($(#[$doc])* $name,)* }
+
+        impl fmt::Display for Refused {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self { $(Self::$name => $text,)* })
+            }
+        }
+
+        #[cold]
+        fn refused(status: Status) -> Refused {
+            match status { $(abi::$status => Refused::$name,)* _ => Refused::BadArgument }
+        }
+    };
 }
 
-impl fmt::Display for Refused {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Refused::NoParam => "there is no such parameter",
-            Refused::Outside => "the address lies outside its area",
-            Refused::NoDb => "the data block does not exist",
-            Refused::DbNumber => "the data block number cannot be",
-            Refused::ReadOnly => "the data block is write-protected",
-            Refused::NoModule => "there is no such module at this address",
-            Refused::Absent => "the module does not answer",
-            Refused::Busy => "the module is busy",
-            Refused::NoRecord => "the module has no such record",
-            Refused::NoBlock => "the block does not exist, or its parameters do not match",
-            Refused::NoSetting => "the station file does not give this setting",
-            Refused::BadArgument => "an argument cannot be",
-        })
+refusals! {
+    /// Why the host refused a request; the block decides what that means.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Refused {
+        /// No such parameter, or not of the kind asked for; no instance in an FC.
+        NoParam = NO_PARAM, "there is no such parameter";
+        /// The address lies outside its area; no timer or counter of this number.
+        Outside = OUTSIDE, "the address lies outside its area";
+        /// The data block does not exist.
+        NoDb = NO_DB, "the data block does not exist";
+        /// An impossible data block number: 0, or above the CPU's limit.
+        DbNumber = DB_NUMBER, "the data block number cannot be";
+        /// The data block is write-protected.
+        ReadOnly = READ_ONLY, "the data block is write-protected";
+        /// No module at this logical address.
+        NoModule = NO_MODULE, "there is no such module at this address";
+        /// The module's driver is down.
+        Absent = ABSENT, "the module does not answer";
+        /// The module is busy with another request; a later request may succeed.
+        Busy = BUSY, "the module is busy";
+        /// The module has no such record.
+        NoRecord = NO_RECORD, "the module has no such record";
+        /// The block to call does not exist, or its parameters do not match.
+        NoBlock = NO_BLOCK, "the block does not exist, or its parameters do not match";
+        /// The station file does not give the module this setting, or the host has no settings.
+        NoSetting = NO_SETTING, "the station file does not give this setting";
+        /// An impossible length, or a status this version of the interface does not know.
+        BadArgument = BAD_ARGUMENT, "an argument cannot be";
     }
 }
 
@@ -68,24 +70,6 @@ pub(crate) fn reply(status: Status) -> Reply<()> {
         abi::OK => Ok(Ok(())),
         abi::ABORT => Err(Abort(())),
         other => Ok(Err(refused(other))),
-    }
-}
-
-#[cold]
-fn refused(status: Status) -> Refused {
-    match status {
-        abi::NO_PARAM => Refused::NoParam,
-        abi::OUTSIDE => Refused::Outside,
-        abi::NO_DB => Refused::NoDb,
-        abi::DB_NUMBER => Refused::DbNumber,
-        abi::READ_ONLY => Refused::ReadOnly,
-        abi::NO_MODULE => Refused::NoModule,
-        abi::ABSENT => Refused::Absent,
-        abi::BUSY => Refused::Busy,
-        abi::NO_RECORD => Refused::NoRecord,
-        abi::NO_BLOCK => Refused::NoBlock,
-        abi::NO_SETTING => Refused::NoSetting,
-        _ => Refused::BadArgument,
     }
 }
 

@@ -1,5 +1,6 @@
-//! The bytes of a CPU's memory: from the heap, or from another owner, as a piece at the beginning of a reservation in
-//! which every other byte traps. The CPU sees bytes; it does not learn where they are from.
+//! A fence: unsafe code, so that the CPU has none. The bytes of a CPU's memory: from the heap, or from another owner,
+//! as a piece at the beginning of a reservation in which every other byte traps. The CPU sees bytes; it does not learn
+//! where they are from.
 
 // Fenced by the house rules: bytes that do not come from the allocator have no safe owner.
 #![allow(unsafe_code)]

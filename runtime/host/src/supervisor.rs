@@ -188,26 +188,22 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// A supervisor whose first [`Input::Tick`] starts the driver.
-    #[must_use]
     pub fn new(times: Times) -> Self {
         Self { times, state: State::Down { start_at: Instant::START }, failures: 0, starts: 0, incidents: 0 }
     }
 
     /// Processes that have shown life so far.
-    #[must_use]
     pub fn starts(&self) -> u32 {
         self.starts
     }
 
     /// Incidents so far: the first end of a driver begins one, and it is over when one has been healthy
     /// ([`Times::healthy`]). What goes wrong again and again in one incident is worth one report.
-    #[must_use]
     pub fn incidents(&self) -> u32 {
         self.incidents
     }
 
     /// Where the driver is.
-    #[must_use]
     pub fn phase(&self) -> Phase {
         match self.state {
             State::Down { .. } | State::Spawning | State::Stopped => Phase::Down,
@@ -343,5 +339,4 @@ impl Supervisor {
 }
 
 #[cfg(test)]
-#[path = "supervisor_tests.rs"]
 mod tests;

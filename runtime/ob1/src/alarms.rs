@@ -34,7 +34,6 @@ pub struct AlarmsArgs {
 }
 
 /// Lists or acknowledges.
-#[must_use]
 pub fn alarms(args: &AlarmsArgs) -> Exit {
     try_alarms(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

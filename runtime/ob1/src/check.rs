@@ -7,7 +7,7 @@ use clap::Args;
 use ob1_cpu::{Cpu, CpuConfig, LoadError, Module};
 use ob1_host::bus::area_bytes;
 use ob1_model::Section;
-use ob1_params::{CpKind, Interface};
+use ob1_params::{CpKind, Interface, Value};
 
 use crate::exit::Exit;
 use crate::language::Language;
@@ -130,7 +130,6 @@ fn posture(files: &[PathBuf], json: bool) -> Exit {
 }
 
 /// Runs `ob1 check`: prints the findings, and says how it ended.
-#[must_use]
 pub fn check(args: &CheckArgs) -> Exit {
     if args.posture {
         return posture(&args.files, args.json);
@@ -337,11 +336,26 @@ pub(crate) fn dummy(io: &ProcessIo, station: &str, config: &ModuleConfig) -> Opt
     Some(Box::new(ob1_host::module::CpModule::new(side, link, settings).ok()?))
 }
 
+/// `256..271`.
+fn span(first: u32, len: u16) -> String {
+    format!("{first}..{}", first + u32::from(len) - 1)
+}
+
+/// Where the registers of a CP lie.
+fn both(module: &ModuleConfig) -> String {
+    let inputs = span(module.input_address, module.input_bytes());
+    format!("inputs {inputs}, outputs {}", span(module.output_address, module.output_bytes()))
+}
+
+/// Parameters as a station file has them.
+fn written(keys: &[(&'static str, Value)]) -> String {
+    keys.iter().map(|(key, value)| format!("{key} = {value}")).collect::<Vec<_>>().join(", ")
+}
+
 /// The modules, and both forms of the parameters of each CP.
 fn describe(station: &Station) -> String {
     let mut text = String::new();
     for module in &station.modules {
-        let span = |first: u32, len: u16| format!("{first}..{}", first + u32::from(len) - 1);
         match &module.kind {
             ModuleKind::Inputs { bytes, .. } => {
                 let _ = writeln!(text, "{}: inputs, bytes {}", module.name, span(module.input_address, *bytes));
@@ -381,9 +395,7 @@ fn describe(station: &Station) -> String {
                     ModuleKind::Cp240 { params, .. } => (CpKind::Cp240.name(), params.to_keys()),
                     _ => continue,
                 };
-                let inputs = span(module.input_address, module.input_bytes());
-                let outputs = span(module.output_address, module.output_bytes());
-                let _ = writeln!(text, "{}: {name}, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+                let _ = writeln!(text, "{}: {name}, {}, line {line}", module.name, both(module));
                 if let ModuleKind::Cp240 { params, .. } = &module.kind
                     && params.interface != Interface::Rs232
                 {
@@ -391,22 +403,14 @@ fn describe(station: &Station) -> String {
                 }
                 let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
                 let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
-                let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-                let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
+                let _ = writeln!(text, "  params = {{ {} }}", written(&keys));
             }
             ModuleKind::Ethernet { .. } => {
-                let inputs = span(module.input_address, module.input_bytes());
-                let outputs = span(module.output_address, module.output_bytes());
-                let _ = writeln!(text, "{}: cp343, inputs {inputs}, outputs {outputs}", module.name);
+                let _ = writeln!(text, "{}: cp343, {}", module.name, both(module));
             }
             ModuleKind::Keyed { params, line, .. } => {
-                let inputs = span(module.input_address, module.input_bytes());
-                let outputs = span(module.output_address, module.output_bytes());
-                let kind = params.kind.name();
-                let _ = writeln!(text, "{}: {kind}, inputs {inputs}, outputs {outputs}, line {line}", module.name);
-                let keys: Vec<String> =
-                    params.to_keys().iter().map(|(key, value)| format!("{key} = {value}")).collect();
-                let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
+                let _ = writeln!(text, "{}: {}, {}, line {line}", module.name, params.kind.name(), both(module));
+                let _ = writeln!(text, "  params = {{ {} }}", written(params.to_keys()));
             }
         }
     }

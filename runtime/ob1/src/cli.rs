@@ -192,7 +192,6 @@ fn times_may_begin_with_a_minus(command: clap::Command) -> clap::Command {
 }
 
 /// Parses the command line of this process and does what it says.
-#[must_use]
 pub fn main() -> ExitCode {
     ob1_log::tell_panics();
     ob1_rt::survive_file_limit();

@@ -108,7 +108,6 @@ impl ValueEnum for Action {
 }
 
 /// Changes the operating state, or prints what the station says of itself.
-#[must_use]
 pub fn ctl(args: &CtlArgs) -> Exit {
     let (station, json) = (args.station.as_str(), args.json);
     match args.action {

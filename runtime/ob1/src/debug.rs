@@ -50,7 +50,6 @@ pub struct DebugArgs {
 }
 
 /// Runs the prompt of `ob1 debug` until it is left.
-#[must_use]
 pub fn debug(args: &DebugArgs) -> Exit {
     Session::run(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

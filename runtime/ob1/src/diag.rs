@@ -47,7 +47,6 @@ struct Buffers<'a> {
 }
 
 /// Prints the buffers, newest entry first.
-#[must_use]
 pub fn diag(args: &DiagArgs) -> Exit {
     if args.stack {
         return stacks(args);

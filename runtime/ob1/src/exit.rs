@@ -50,7 +50,6 @@ pub enum ExecExit {
 
 impl ExecExit {
     /// The code of the process.
-    #[must_use]
     pub const fn code(self) -> u8 {
         match self {
             ExecExit::Stopped => 0,
@@ -63,7 +62,6 @@ impl ExecExit {
     }
 
     /// The end in a word, for `--stats`.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             ExecExit::Stopped => "stopped",

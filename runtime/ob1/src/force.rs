@@ -34,7 +34,6 @@ pub struct ForceArgs {
 }
 
 /// Forces; prints what is forced then.
-#[must_use]
 pub fn force(args: &ForceArgs) -> Exit {
     try_force(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

@@ -16,13 +16,11 @@ pub enum Language {
 
 impl Language {
     /// The set that is asked for, or else the program's own.
-    #[must_use]
     pub fn or(self, own: ob1_stl::Mnemonics) -> ob1_stl::Mnemonics {
         self.wanted().unwrap_or(own)
     }
 
     /// The set that is asked for.
-    #[must_use]
     pub const fn wanted(self) -> Option<ob1_stl::Mnemonics> {
         match self {
             Language::De => Some(ob1_stl::Mnemonics::German),

@@ -75,7 +75,6 @@ struct Stop {
 }
 
 /// Runs `ob1 list`: prints the stations, and says how it ended.
-#[must_use]
 pub fn list(args: &ListArgs) -> Exit {
     let all: Vec<Listed> = rundir::running().chunks(AT_ONCE).flat_map(asked).collect();
     if let Some(file) = &args.prometheus {

@@ -44,7 +44,6 @@ pub struct LoadArgs {
 }
 
 /// Loads; prints what there is to print.
-#[must_use]
 pub fn load(args: &LoadArgs) -> Exit {
     try_load(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

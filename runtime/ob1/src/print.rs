@@ -67,7 +67,6 @@ impl Words {
 }
 
 /// Runs `ob1 print`: writes the document, and says how it ended.
-#[must_use]
 pub fn print(args: &PrintArgs) -> Exit {
     match run(args) {
         Ok(()) => Exit::Ok,

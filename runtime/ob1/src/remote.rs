@@ -60,7 +60,6 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
 }
 
 /// Prints values of cells.
-#[must_use]
 pub fn get(args: &GetArgs) -> Exit {
     let (names, forms): (Vec<&str>, Vec<Form>) = args.items.iter().map(|item| Form::split(item)).unzip();
     let items = names.into_iter().map(str::to_owned).collect();
@@ -83,7 +82,6 @@ pub fn get(args: &GetArgs) -> Exit {
 }
 
 /// Writes cells, given as `NAME=VALUE`.
-#[must_use]
 pub fn set(args: &SetArgs) -> Exit {
     let mut items = BTreeMap::new();
     for (name, value) in &args.items {

@@ -33,7 +33,6 @@ pub struct RestartArgs {
 }
 
 /// Runs `ob1 restart`, and says how it ended.
-#[must_use]
 pub fn restart(args: &RestartArgs) -> Exit {
     try_restart(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

@@ -60,7 +60,6 @@ struct Before {
 }
 
 /// Runs `ob1 roll`, and says how it ended.
-#[must_use]
 pub fn roll(args: &RollArgs) -> Exit {
     for (done, station) in args.stations.iter().enumerate() {
         let before = match before(station, &args.values) {

@@ -25,21 +25,18 @@ pub enum Percentile {
 }
 
 /// How many values it takes so that [`BEYOND`] of them lie beyond the share.
-#[must_use]
 pub fn needed(share: f64) -> u64 {
     // Shares like 0.999 are no binary fractions: a count an epsilon above a whole one is that whole one.
     (BEYOND as f64 / (1.0 - share) - 1e-3).ceil() as u64
 }
 
 /// The percentile of a distribution given as its buckets: ascending, each its greatest value and its count.
-#[must_use]
 pub fn percentile(buckets: &[(u64, u64)], share: f64) -> Percentile {
     let count: u64 = buckets.iter().map(|(_, n)| n).sum();
     if count < needed(share) { Percentile::Needs(needed(share)) } else { Percentile::Known(quantile(buckets, share)) }
 }
 
 /// The value that a share of all values does not exceed; 0 without values.
-#[must_use]
 pub fn quantile(buckets: &[(u64, u64)], share: f64) -> u64 {
     let count: u64 = buckets.iter().map(|(_, n)| n).sum();
     let wanted = ((share * count as f64 - 1e-6).ceil() as u64).max(1);
@@ -54,7 +51,6 @@ pub fn quantile(buckets: &[(u64, u64)], share: f64) -> u64 {
 }
 
 /// How many values are greater than a limit.
-#[must_use]
 pub fn beyond(buckets: &[(u64, u64)], limit: u64) -> u64 {
     buckets.iter().filter(|(value, _)| *value > limit).map(|(_, n)| n).sum()
 }
@@ -62,7 +58,6 @@ pub fn beyond(buckets: &[(u64, u64)], limit: u64) -> u64 {
 /// What a distribution has gained since an earlier reading. A reading may name its greatest bucket by the greatest
 /// value so far, so that this bucket has another name in a later reading: a count whose bucket is no longer there is
 /// taken from the next higher one.
-#[must_use]
 pub fn since(now: &[(u64, u64)], before: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut before = before.iter().copied().peekable();
     let mut owed = 0;
@@ -87,7 +82,6 @@ pub const SLOPE_HOURS: f64 = 1.0 / 6.0;
 pub const SLOPE_NEEDS: &str = "needs 8 intervals in 10 min";
 
 /// The slope through points (hours, value), where they are enough and far enough apart for a growth an hour.
-#[must_use]
 pub fn hourly(points: &[(f64, f64)]) -> Option<Slope> {
     let (first, last) = (points.first()?.0, points.last()?.0);
     // Intervals are named by their ends: the first one has begun before its time.
@@ -110,7 +104,6 @@ pub struct Slope {
 
 /// The Theil-Sen slope through points (time, value): a few outliers do not move it. `None` for less than [`INTERVALS`]
 /// points.
-#[must_use]
 pub fn slope(points: &[(f64, f64)]) -> Option<Slope> {
     if points.len() < INTERVALS {
         return None;
@@ -151,7 +144,6 @@ fn median(sorted: &[f64]) -> f64 {
 }
 
 /// The median of a sample, or 0.
-#[must_use]
 pub fn middle(sample: &[f64]) -> f64 {
     let mut sorted = sample.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -177,7 +169,6 @@ pub struct Shift {
 }
 
 /// Compares two samples by ranks. `None` when one has less than [`INTERVALS`] values.
-#[must_use]
 pub fn compare(a: &[f64], b: &[f64]) -> Option<Shift> {
     if a.len().min(b.len()) < INTERVALS {
         return None;
@@ -215,7 +206,6 @@ pub const OUTLIER: f64 = 3.5;
 /// How far each value lies from the median of all, in units of their spread: the modified z-score of Iglewicz and
 /// Hoaglin, by the median of the deviations, or by their mean where more than half of the values are equal. `None` for
 /// less than [`OUTLIERS`] values.
-#[must_use]
 pub fn scores(values: &[f64]) -> Option<Vec<f64>> {
     if values.len() < OUTLIERS {
         return None;
@@ -242,7 +232,6 @@ pub struct Ratio {
 }
 
 /// Compares two shares. `None` when less than [`BEYOND`] events have been seen in both together.
-#[must_use]
 pub fn ratio(a: (u64, u64), b: (u64, u64)) -> Option<Ratio> {
     if a.0 + b.0 < BEYOND || a.1 == 0 || b.1 == 0 {
         return None;

@@ -79,7 +79,6 @@ impl StatusArgs {
 }
 
 /// Shows a block until `q`, once, or until the station's end.
-#[must_use]
 pub fn status(args: &StatusArgs) -> Exit {
     show(args).unwrap_or_else(|error| {
         err!("ob1: {error}");

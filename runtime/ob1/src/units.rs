@@ -1,7 +1,6 @@
 //! Figures as people read them: with the unit that suits, and three digits.
 
 /// A time with the unit that suits it: `183 µs`, `2.41 ms`.
-#[must_use]
 pub(crate) fn time(nanos: f64) -> String {
     let (scale, unit) = match nanos.abs() {
         n if n < 1e3 => (1.0, "ns"),
@@ -24,7 +23,6 @@ fn figures(value: f64) -> String {
 }
 
 /// A value of a series: a time, an amount of memory, or a count.
-#[must_use]
 pub(crate) fn amount(series: &str, is_time: bool, value: f64) -> String {
     if is_time {
         return time(value);

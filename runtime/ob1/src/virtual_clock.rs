@@ -12,13 +12,11 @@ pub struct VirtualClock {
 
 impl VirtualClock {
     /// A clock that shows 0; `per_statement` is charged for each statement.
-    #[must_use]
     pub const fn new(per_statement: Span) -> Self {
         Self { now: Instant::START, per_statement }
     }
 
     /// The virtual time now.
-    #[must_use]
     pub const fn time(&self) -> Instant {
         self.now
     }

@@ -42,7 +42,6 @@ pub struct WhyArgs {
 }
 
 /// Runs `ob1 why`: prints the answers, and says how it ended.
-#[must_use]
 pub fn why(args: &WhyArgs) -> Exit {
     let asked = args.operand.join(" ");
     match (Asking { args, client: None, seen: BTreeSet::new() }).all(&asked) {

@@ -75,7 +75,6 @@ struct Asked {
 }
 
 /// Runs `ob1 xref`: prints the cross-reference, and says how it ended.
-#[must_use]
 pub fn xref(args: &XrefArgs) -> Exit {
     let asked = match asked(args) {
         Ok(asked) => asked,

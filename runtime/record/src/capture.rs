@@ -51,7 +51,6 @@ pub struct Capture {
 
 impl Capture {
     /// Begins; the memory for the history is made here.
-    #[must_use]
     pub fn new(settings: Settings) -> Self {
         let signals = settings.signals.len();
         let spare = std::iter::repeat_with(|| Row { values: Vec::with_capacity(signals), ..Row::default() });
@@ -74,19 +73,16 @@ impl Capture {
     }
 
     /// Rows written, and rows lost.
-    #[must_use]
     pub const fn count(&self) -> (u64, u64) {
         (self.rows, self.lost + self.dropped)
     }
 
     /// How many parts have begun.
-    #[must_use]
     pub const fn parts(&self) -> u64 {
         self.parts
     }
 
     /// A part is being written.
-    #[must_use]
     pub const fn is_open(&self) -> bool {
         self.part.is_some()
     }

@@ -71,7 +71,6 @@ pub enum Event {
 
 impl Event {
     /// When it was; of a late scan when it was due.
-    #[must_use]
     pub const fn time_ns(&self) -> u64 {
         match self {
             Self::Part { time_ns, .. }

@@ -69,7 +69,6 @@ impl Expression {
     }
 
     /// Whether it holds for these values; false while a signal of it is not there.
-    #[must_use]
     pub fn holds(&self, items: &[Item], bits: &dyn Fn(usize) -> Option<u32>) -> bool {
         value_of(&self.0, items, bits).is_some_and(|value| value != 0.0)
     }

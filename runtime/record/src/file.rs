@@ -110,7 +110,6 @@ pub struct Writer {
 
 impl Writer {
     /// The beginning of a file.
-    #[must_use]
     pub fn begin(head: &Head) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
         // A head can be serialized.
@@ -153,7 +152,6 @@ impl Writer {
     }
 
     /// Bytes that wait for [`Writer::take`].
-    #[must_use]
     pub fn waiting(&self) -> usize {
         self.rows.len() + self.runs.len()
     }
@@ -217,7 +215,6 @@ impl<R: Read> Reader<R> {
     }
 
     /// The head.
-    #[must_use]
     pub const fn head(&self) -> &Head {
         &self.head
     }
@@ -228,19 +225,16 @@ impl<R: Read> Reader<R> {
     }
 
     /// The file ended within a block: it was cut off, or still grows.
-    #[must_use]
     pub const fn is_cut(&self) -> bool {
         self.cut
     }
 
     /// Entries that were read and not taken yet: [`Reader::next_entry`] does not wait for them.
-    #[must_use]
     pub fn has_more(&self) -> bool {
         self.entries.len() > 0
     }
 
     /// Bytes of the file up to the end of the last whole block.
-    #[must_use]
     pub const fn whole_bytes(&self) -> u64 {
         self.at
     }

@@ -35,7 +35,6 @@ const TYPES: [DataType; 13] = [
 
 impl Signal {
     /// A signal of an item.
-    #[must_use]
     pub fn of(item: &Item) -> Self {
         Self { name: item.name.trim().into(), address: address(item.cell, item.width), ty: item.ty.name().into() }
     }
@@ -94,7 +93,6 @@ fn address(cell: Cell, width: Width) -> String {
 }
 
 /// The value of bits as a number, for conditions and diagrams: of times and durations the milliseconds.
-#[must_use]
 pub fn number(item: &Item, bits: u32) -> f64 {
     match (item.reading, item.width) {
         (Reading::Real, _) => f64::from(f32::from_bits(bits)),
@@ -108,7 +106,6 @@ pub fn number(item: &Item, bits: u32) -> f64 {
 }
 
 /// The value of bits by its type; `None` for a bit, and for what its type does not have.
-#[must_use]
 pub fn datum(item: &Item, bits: u32) -> Option<Datum> {
     if item.width == Width::Bit {
         return None;

@@ -83,7 +83,6 @@ pub struct Differences {
 
 impl Differences {
     /// The first difference in words: `Motor: recorded 1, found 0 after scan 17, 0.016 s`.
-    #[must_use]
     pub fn text(&self) -> String {
         let Some(first) = self.first.first() else { return String::new() };
         let bits = |bits: Option<u32>| bits.map_or_else(|| "nothing".into(), |bits| text::of_bits(&self.item, bits));

@@ -86,7 +86,6 @@ impl Row {
     }
 
     /// The bits of a signal; `None`: it was not there.
-    #[must_use]
     pub fn bits(&self, signal: usize) -> Option<u32> {
         let word = Word::from_word(*self.values.get(signal)?);
         word.error.is_none().then_some(word.number)

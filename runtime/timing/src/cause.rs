@@ -2,64 +2,39 @@
 
 use ob1_coupler::config::nanos;
 use ob1_cpu::ScanRecord;
+use ob1_model::named;
 use ob1_time::Span;
 use serde::{Deserialize, Serialize};
 
-/// The cause of a late scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Class {
-    /// The kernel gave the core to something else, or had to find memory: waiting for a core, a quota, page faults,
-    /// steal.
-    Kernel,
-    /// The process was stopped by a signal and continued.
-    Stopped,
-    /// An organization block took long; it is named.
-    Program,
-    /// A block of a plugin.
-    Plugin,
-    /// The exchange with the modules: registers, events, doorbells.
-    Driver,
-    /// The scan before, which is accounted for by itself.
-    Carried,
-    /// The scan thread was asleep beyond its deadline, neither waiting for a core nor on one: the timer's interrupt
-    /// came late. Its core was waking from a deep sleep, or the kernel or the host held interrupts back; no counter
-    /// tells which.
-    Timer,
-    /// Nothing here explains it: the host of a virtual machine, firmware or hardware is suspected.
-    Unexplained,
+named! {
+    /// The cause of a late scan, in the order of reports, named as it is printed.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Class {
+        /// The kernel gave the core to something else, or had to find memory: waiting for a core, a quota, page faults,
+        /// steal.
+        Kernel = "kernel",
+        /// The process was stopped by a signal and continued.
+        Stopped = "stopped by a signal",
+        /// An organization block took long; it is named.
+        Program = "program",
+        /// A block of a plugin.
+        Plugin = "plugin",
+        /// The exchange with the modules: registers, events, doorbells.
+        Driver = "driver",
+        /// The scan before, which is accounted for by itself.
+        Carried = "carried over",
+        /// The scan thread was asleep beyond its deadline, neither waiting for a core nor on one: the timer's interrupt
+        /// came late. Its core was waking from a deep sleep, or the kernel or the host held interrupts back; no counter
+        /// tells which.
+        Timer = "timer late",
+        /// Nothing here explains it: the host of a virtual machine, firmware or hardware is suspected.
+        Unexplained = "unexplained (host suspected)",
+    }
 }
 
 impl Class {
-    /// All, in the order of reports.
-    pub const ALL: [Self; 8] = [
-        Self::Kernel,
-        Self::Stopped,
-        Self::Program,
-        Self::Plugin,
-        Self::Driver,
-        Self::Carried,
-        Self::Timer,
-        Self::Unexplained,
-    ];
-
-    /// The class as it is printed.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Kernel => "kernel",
-            Self::Stopped => "stopped by a signal",
-            Self::Program => "program",
-            Self::Plugin => "plugin",
-            Self::Driver => "driver",
-            Self::Carried => "carried over",
-            Self::Timer => "timer late",
-            Self::Unexplained => "unexplained (host suspected)",
-        }
-    }
-
     /// What helps against it, where the program is not what it was about.
-    #[must_use]
     pub const fn remedy(self) -> Option<&'static str> {
         match self {
             Self::Kernel | Self::Timer | Self::Unexplained => Some(
@@ -146,7 +121,6 @@ pub struct Measured {
 
 impl Measured {
     /// How long this scan has waited for a core at least.
-    #[must_use]
     pub const fn waited_at_least(&self) -> Span {
         self.waited.saturating_sub(self.others_waited)
     }
@@ -198,7 +172,6 @@ fn longest_part(record: &ScanRecord) -> (Part, Span) {
 }
 
 /// Says why a scan was late.
-#[must_use]
 pub fn explain(record: &ScanRecord, evidence: &Evidence) -> Cause {
     let (part, size) = longest_part(record);
     let system = kernel(evidence, record, size, part);

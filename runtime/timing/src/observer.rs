@@ -41,7 +41,6 @@ pub struct LateSender {
 
 impl LateSender {
     /// A sender without an observer, for measuring what sending costs.
-    #[must_use]
     pub fn pair() -> (Self, Unobserved) {
         let (ring, late) = RingBuffer::new(ROOM);
         (Self { ring, shared: Arc::default(), look: ThreadLook::open(), ready: (0, None) }, Unobserved(late))

@@ -9,7 +9,6 @@ fn us(nanos: u64) -> f64 {
 }
 
 /// The whole table, as `ob1 ctl STATION timing` prints it.
-#[must_use]
 pub fn timing(t: &Timing) -> String {
     let mut out = String::new();
     let _ = writeln!(
@@ -62,7 +61,6 @@ fn row(out: &mut String, name: &str, s: &Spread) {
 }
 
 /// The late scans: how many of which class, the share without an explanation, and the longest.
-#[must_use]
 pub fn late(late: &LateReport) -> String {
     if late.scans == 0 {
         return "no late scan\n".into();
@@ -99,7 +97,6 @@ pub(super) fn cause(entry: &LateEntry) -> String {
 }
 
 /// The flight recorder: the worst frozen flight, or the scans up to now.
-#[must_use]
 pub fn recorder(recorder: &Recorder) -> String {
     let (what, flight) = match &recorder.worst {
         Some(flight) => ("the overrun with the longest delay", flight),

@@ -36,20 +36,17 @@ pub(super) struct State {
 
 impl Timings {
     /// For a CPU with these accounts.
-    #[must_use]
     pub fn new(accounts: Arc<Accounts>, config: &CpuConfig, clock: MonotonicClock) -> Self {
         let (min_cycle, missed) = (config.min_cycle, config.missed);
         Self { accounts, clock, min_cycle, missed, state: Arc::default() }
     }
 
     /// The minimum cycle time; zero: none.
-    #[must_use]
     pub fn min_cycle(&self) -> Span {
         self.min_cycle
     }
 
     /// The figures since the start or the last reset.
-    #[must_use]
     pub fn figures(&self) -> Figures {
         self.accounts.figures().since(&self.state.lock().before)
     }
@@ -61,7 +58,6 @@ impl Timings {
     }
 
     /// Everything that is known, with the buckets of all distributions or without.
-    #[must_use]
     pub fn snapshot(&self, histograms: bool) -> Timing {
         let figures = self.figures();
         let (late_from, long_from) = self.accounts.thresholds();
@@ -94,7 +90,6 @@ impl Timings {
     }
 
     /// The flight recorder: the last scans, and the flights that overruns have frozen.
-    #[must_use]
     pub fn recorder(&self) -> Recorder {
         let state = self.state.lock();
         let dump = |flight: &Option<Flight>| flight.as_ref().map(FlightDump::new);
@@ -109,19 +104,16 @@ impl Timings {
     }
 
     /// The late scans after this one, as far as they are kept and explained.
-    #[must_use]
     pub fn late_after(&self, scan: u64) -> Vec<LateEntry> {
         self.state.lock().ledger.after(scan)
     }
 
     /// Why the scan was late in which the watchdog expired at this time; known a tenth of a second later.
-    #[must_use]
     pub fn watchdog(&self, expired: Instant) -> Option<String> {
         self.state.lock().ledger.watchdog(expired).map(text::cause)
     }
 
     /// The class of what the scan with the expired cycle monitoring stood for.
-    #[must_use]
     pub fn watchdog_class(&self, expired: Instant) -> Option<Class> {
         self.state.lock().ledger.watchdog(expired).map(|entry| entry.class)
     }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, Troubles, Wire};
+use ob1_firmware::{Counter, CpEvent, CpPort, Instant, Leds, LineSettings, Troubles, Wire};
 
 /// The line of a CP that nobody listens to.
 #[derive(Debug, Default)]
@@ -54,7 +54,7 @@ pub struct CpLog<W = Loose> {
     /// Its LEDs.
     pub leds: Leds,
     /// Its counters.
-    pub counters: BTreeMap<CpCounter, u64>,
+    pub counters: BTreeMap<Counter, u64>,
     /// Its events as `Debug` writes them.
     pub events: Vec<String>,
     /// The telegrams it has received.
@@ -98,7 +98,7 @@ impl<W> CpLog<W> {
     }
 
     /// A counter.
-    pub fn counter(&self, counter: CpCounter) -> u64 {
+    pub fn counter(&self, counter: Counter) -> u64 {
         self.counters.get(&counter).copied().unwrap_or(0)
     }
 
@@ -155,7 +155,7 @@ impl<W: Plug> CpPort for CpLog<W> {
         self.leds = leds;
     }
 
-    fn count(&mut self, counter: CpCounter, n: u64) {
+    fn count(&mut self, counter: Counter, n: u64) {
         *self.counters.entry(counter).or_default() += n;
     }
 

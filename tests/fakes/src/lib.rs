@@ -3,4 +3,5 @@
 
 pub mod cp_port;
 pub mod dp_slave;
+pub mod sim_line;
 pub mod sink;

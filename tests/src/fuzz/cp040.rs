@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Wire,
+    Counter, Cp as _, Cp040, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Wire,
 };
 use ob1_time::{Instant, Span};
 use ob1_words::slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
@@ -26,7 +26,7 @@ const SHORT: [u8; 2] = [0x0C, 0x0D];
 #[derive(Default)]
 struct Port {
     inputs: Vec<u8>,
-    counters: BTreeMap<CpCounter, u64>,
+    counters: BTreeMap<Counter, u64>,
 }
 
 impl Wire for Port {
@@ -44,7 +44,7 @@ impl CpPort for Port {
 
     fn leds(&mut self, _leds: Leds) {}
 
-    fn count(&mut self, counter: CpCounter, n: u64) {
+    fn count(&mut self, counter: Counter, n: u64) {
         *self.counters.entry(counter).or_default() += n;
     }
 
@@ -118,8 +118,9 @@ pub fn run(data: &[u8]) {
         }
         due = cp.step(now, CpInput::Outputs(&outputs), &mut port);
         let count = |counter| port.counters.get(&counter).copied().unwrap_or(0);
-        let ended = [CpCounter::Sent, CpCounter::SendErrors, CpCounter::OrdersAborted].map(count).iter().sum::<u64>();
-        assert!((ended..=ended + 1).contains(&count(CpCounter::OrdersAccepted)), "one order at a time, each ends once");
+        let ended =
+            [Counter::TelegramsSent, Counter::SendErrors, Counter::OrdersAborted].map(count).iter().sum::<u64>();
+        assert!((ended..=ended + 1).contains(&count(Counter::OrdersAccepted)), "one order at a time, each ends once");
         if cp.is_working() && !SHORT.contains(&parameters[1]) {
             let byte0 = port.inputs.first().copied().unwrap_or(0x88);
             assert!(byte0 >> 4 != 0xF && byte0 & 0xF <= 0xA, "{byte0:02X}h is no byte 0");

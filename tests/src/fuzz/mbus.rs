@@ -3,7 +3,7 @@
 //! manual; records follow one another inside the answer, and a malformed one is the last.
 
 use ob1_fakes::sink::MachineLog;
-use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
+use ob1_mbus::records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
 use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
 use ob1_protocols::{Input, LineFault, LineInput, MS, Machine, Order};

@@ -48,11 +48,11 @@ pub fn run(data: &[u8]) {
         flow,
         ..defaults::stx_etx(MS)
     };
-    let whole = receive(&mut StxEtx::<1024>::new(config.clone()), data, usize::MAX, room);
-    assert_eq!(whole, receive(&mut StxEtx::<1024>::new(config), data, 1, room));
+    let whole = receive(&mut StxEtx::<1024>::new(&config), data, usize::MAX, room);
+    assert_eq!(whole, receive(&mut StxEtx::<1024>::new(&config), data, 1, room));
     let criterion = if setup & 0x80 == 0 { Criterion::Silence } else { Criterion::Fragments };
     let config = ascii::Config { criterion, flow, ..defaults::ascii(MS) };
-    whole_and_piecewise(config, data, room);
+    whole_and_piecewise(&config, data, room);
     cp341(*setup, [*start_1, *start_2], [*end_1, *end_2], data);
 }
 
@@ -65,7 +65,7 @@ fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
     let end = Flags::new(end, 1 + (setup >> 5 & 1));
     let sending = [Sending::Through, Sending::Whole, Sending::Appended][usize::from(sending) % 3];
     let criterion = Criterion::Characters { end, sending };
-    for telegram in whole_and_piecewise(ascii::Config { criterion, ..base.clone() }, data, room) {
+    for telegram in whole_and_piecewise(&ascii::Config { criterion, ..base.clone() }, data, room) {
         let at = telegram.windows(end.as_slice().len()).position(|part| part == end.as_slice());
         assert_eq!(
             at,
@@ -75,13 +75,13 @@ fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
     }
     let length = 1 + usize::from(length);
     let criterion = Criterion::Length(length);
-    for telegram in whole_and_piecewise(ascii::Config { criterion, ..base }, data, room) {
+    for telegram in whole_and_piecewise(&ascii::Config { criterion, ..base }, data, room) {
         assert_eq!(telegram.len(), length);
     }
 }
 
-fn whole_and_piecewise(config: ascii::Config, data: &[u8], room: usize) -> Vec<Vec<u8>> {
-    let whole = receive(&mut Ascii::<1024>::new(config.clone()), data, usize::MAX, room);
+fn whole_and_piecewise(config: &ascii::Config, data: &[u8], room: usize) -> Vec<Vec<u8>> {
+    let whole = receive(&mut Ascii::<1024>::new(config), data, usize::MAX, room);
     assert_eq!(whole, receive(&mut Ascii::<1024>::new(config), data, 1, room));
     whole
 }

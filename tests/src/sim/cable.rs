@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use ob1_cp::{CpType, LinePort, Refused};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_firmware::{CpEvent, LineInput, LineSettings};
-use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_time::{Instant, Span};
 
 use super::Scenario;

@@ -4,9 +4,10 @@
 use std::path::Path;
 
 use ob1_cp::LinePort as _;
+use ob1_fakes::sim_line::End;
 use ob1_firmware::{LineFault, LineInput};
 use ob1_host::module::CpSettings;
-use ob1_line::sim::{End, FaultRates, SplitMix64};
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 
 use super::cable::{self, Cable};

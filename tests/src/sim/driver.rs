@@ -3,7 +3,7 @@
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
 use ob1_cp::CpPump;
-use ob1_line::sim::End;
+use ob1_fakes::sim_line::End;
 use ob1_time::{Instant, Span};
 
 use super::cable::Cable;

@@ -15,7 +15,8 @@ pub mod station;
 pub mod tap;
 pub mod verdict;
 
-use ob1_line::sim::{End, FaultRates, SplitMix64};
+use ob1_fakes::sim_line::End;
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 use std::fmt::Write as _;
 use std::path::PathBuf;

@@ -28,7 +28,7 @@ pub struct SimStation {
 }
 
 /// Finds the end of a cable for a module by the name of the line.
-pub type Plug<'a> = dyn FnMut(&str) -> Result<(usize, ob1_line::sim::End), String> + 'a;
+pub type Plug<'a> = dyn FnMut(&str) -> Result<(usize, ob1_fakes::sim_line::End), String> + 'a;
 
 impl SimStation {
     /// Builds a station from its file; `plug` finds the cable of a line, `drivers` gets the drivers.

@@ -1,6 +1,6 @@
 //! The library decodes the answers of real meters to the published values.
 
-use ob1_mbus_records::{Answer, Quantity, Record, Unit, Value};
+use ob1_mbus::records::{Answer, Quantity, Record, Unit, Value};
 use ob1_tests::meters::{Said, fields, fixtures, values};
 
 /// Published names of the functions of a record.
@@ -195,6 +195,6 @@ fn the_document_names_every_number() {
         let numbers: Vec<usize> = paragraph.split(',').filter_map(number).collect();
         assert!(numbers.iter().copied().eq(1..count), "{head}{numbers:?}");
     }
-    let size = format!("{} + {} x n bytes", ob1_mbus_records::HEADER_BYTES, ob1_mbus_records::RECORD_BYTES);
+    let size = format!("{} + {} x n bytes", ob1_mbus::records::HEADER_BYTES, ob1_mbus::records::RECORD_BYTES);
     assert!(text.contains(&size), "{size}");
 }

@@ -2,7 +2,7 @@
 //! bus, and handles malformed answers.
 
 use ob1_cpu::{Cell, Width};
-use ob1_mbus_records::{Answer, HEADER_BYTES, Header, RECORD_BYTES};
+use ob1_mbus::records::{Answer, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Meter, Trouble, fields, fixtures};
 use ob1_tests::sim::{MS, SECOND};
@@ -56,9 +56,9 @@ fn expected(fields: &[u8]) -> (u16, Vec<u8>) {
             }
             more = all.more_follow();
         }
-        Err(ob1_mbus_records::Fault::Application(number)) => (status, code) = (0x8107, number),
-        Err(ob1_mbus_records::Fault::UnknownCi(_)) => status = 0x8106,
-        Err(ob1_mbus_records::Fault::NoData) => status = 0x8105,
+        Err(ob1_mbus::records::Fault::Application(number)) => (status, code) = (0x8107, number),
+        Err(ob1_mbus::records::Fault::UnknownCi(_)) => status = 0x8106,
+        Err(ob1_mbus::records::Fault::NoData) => status = 0x8105,
         Err(_) => status = 0x8108,
     }
     let head = header.to_bytes(status, records.len() as u16, more, code);

@@ -21,7 +21,7 @@ const BOTH_SIDES: &[&str] = &[
     "plugins/cp343/src",
     "plugins/mbus/src",
     "runtime/host/src/bus",
-    "plugins/ptp/src",
+    "plugins/siemens/src",
 ];
 
 /// The table of module types.

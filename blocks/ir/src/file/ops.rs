@@ -81,13 +81,13 @@ pub(super) fn op(text: &str) -> Expected<Op> {
 fn with_operand(line: &mut Cursor<'_>) -> Expected<Op> {
     const WHAT: &str = "a statement";
     let word = line.word();
-    if let Some(jump) = Jump::ALL.into_iter().find(|jump| crate::text::jump(*jump) == word) {
+    if let Some(jump) = Jump::ALL.into_iter().find(|jump| jump.name() == word) {
         return Ok(Op::Jump(jump, target(line)?));
     }
-    if let Some(shift) = Shift::ALL.into_iter().find(|shift| crate::text::shift(*shift) == word) {
+    if let Some(shift) = Shift::ALL.into_iter().find(|shift| shift.name() == word) {
         return Ok(Op::Shift(shift, Some(line.number()?)));
     }
-    if let Some(kind) = TimerKind::ALL.into_iter().find(|kind| crate::text::timer(*kind) == word) {
+    if let Some(kind) = TimerKind::ALL.into_iter().find(|kind| kind.name() == word) {
         return Ok(Op::StartTimer(kind, numbered(line, "T")?));
     }
     for logic in Logic::ALL {
@@ -98,7 +98,7 @@ fn with_operand(line: &mut Cursor<'_>) -> Expected<Op> {
         }
     }
     for logic in WordLogic::ALL {
-        if let Some(width) = word.strip_prefix(crate::text::word_logic(logic)) {
+        if let Some(width) = word.strip_prefix(logic.name()) {
             match width {
                 "W" if line.eat("W#16#") => {
                     let value = u16::try_from(line.hex()?).map_err(|_| "a word")?;

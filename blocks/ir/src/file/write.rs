@@ -10,7 +10,6 @@ use crate::{DataKind, Program};
 const ROW: usize = 32;
 
 /// The file form of a program.
-#[must_use]
 pub fn write(program: &Program) -> String {
     let mut text = String::new();
     // A String takes everything.

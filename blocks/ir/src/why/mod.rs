@@ -66,7 +66,6 @@ pub enum Skipped {
 
 impl Observed<'_> {
     /// Why `place` has the value `now` behind the pass. None: no statement that ran writes it by its address.
-    #[must_use]
     pub fn why(&self, place: Place, now: bool) -> Option<Why> {
         let writes = |at: &usize| self.ran(*at) && written(self.code.get(*at).map(|stmt| &stmt.op)) == Some(place);
         let writers: Vec<usize> = (0..self.code.len()).filter(writes).collect();
@@ -106,7 +105,6 @@ impl Observed<'_> {
     }
 
     /// The scans that give the RLO in front of a statement, and which of them turn it.
-    #[must_use]
     pub fn terms(&self, statement: usize) -> Vec<Term> {
         let first = self.chain_begin(statement);
         let scans = (first..statement).filter(|at| self.ran(*at) && self.test(*at).is_some());
@@ -124,7 +122,6 @@ impl Observed<'_> {
     }
 
     /// Why a statement was not reached.
-    #[must_use]
     pub fn skipped(&self, statement: usize) -> Skipped {
         // What ran last in front of it leads away from here.
         let last = (0..statement.min(self.code.len())).rev().find(|at| self.ran(*at));

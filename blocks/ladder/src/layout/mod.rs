@@ -76,7 +76,6 @@ pub struct Drawing {
 }
 
 /// The drawing of a network.
-#[must_use]
 pub fn draw(network: &Network, tree: &Tree, options: &Options) -> Drawing {
     let names = Names::new(network, *options);
     let is_plan = options.form == Form::Plan || !is_ladder(tree);

@@ -3,33 +3,17 @@
 use ob1_ir::{AccuOp, Compare, Convert, Jump, NumberFormat, Op, Shift, WordLogic};
 use ob1_model::TimerKind;
 
-const fn letter(format: NumberFormat) -> &'static str {
-    match format {
-        NumberFormat::Int => "I",
-        NumberFormat::DInt => "D",
-        NumberFormat::Real => "R",
-    }
-}
-
 /// The letters of a number format in the name of a box.
 const fn letters(format: NumberFormat) -> &'static str {
     match format {
         NumberFormat::DInt => "DI",
-        other => letter(other),
+        other => other.name(),
     }
 }
 
 /// The title of a comparison: `CMP >I`.
 pub(crate) fn compare(format: NumberFormat, how: Compare) -> String {
-    let sign = match how {
-        Compare::Equal => "==",
-        Compare::NotEqual => "<>",
-        Compare::Greater => ">",
-        Compare::Less => "<",
-        Compare::GreaterEqual => ">=",
-        Compare::LessEqual => "<=",
-    };
-    format!("CMP {sign}{}", letter(format))
+    format!("CMP {}{}", how.name(), format.name())
 }
 
 /// The box of an operation on values: `ADD_I`.

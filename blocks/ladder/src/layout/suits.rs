@@ -7,7 +7,6 @@
 use crate::tree::{End, Kind, Node, Rung, Tree};
 
 /// A ladder says the same as the statements.
-#[must_use]
 pub fn is_ladder(tree: &Tree) -> bool {
     tree.rungs.iter().all(rung)
 }

@@ -46,7 +46,6 @@ impl Statement {
     }
 
     /// The bytes of the statement; `None` for what the machine has no form of.
-    #[must_use]
     pub fn bytes(&self) -> Option<Vec<u8>> {
         match &self.op {
             Mc7Op::Plain(op) => fixed::write(op)

@@ -3,32 +3,17 @@
 use ob1_ir::{AddressRegister, Number, Place, Pointer};
 use ob1_model::{Area, BitAddr};
 
+/// The areas in the order of their codes in a nibble.
+const AREAS: [Area; 7] = [Area::Peripheral, Area::Input, Area::Output, Area::Memory, Area::Db, Area::Di, Area::Local];
+
 /// The code of an area in a nibble; 0 is the periphery.
-pub(super) const fn area_code(area: Area) -> Option<u8> {
-    Some(match area {
-        Area::Peripheral => 0,
-        Area::Input => 1,
-        Area::Output => 2,
-        Area::Memory => 3,
-        Area::Db => 4,
-        Area::Di => 5,
-        Area::Local => 6,
-        Area::PreviousLocal => return None,
-    })
+pub(super) fn area_code(area: Area) -> Option<u8> {
+    AREAS.into_iter().zip(0..).find(|(of, _)| *of == area).map(|(_, code)| code)
 }
 
 /// The area of a nibble.
-pub(super) const fn area(code: u8) -> Option<Area> {
-    Some(match code {
-        0 => Area::Peripheral,
-        1 => Area::Input,
-        2 => Area::Output,
-        3 => Area::Memory,
-        4 => Area::Db,
-        5 => Area::Di,
-        6 => Area::Local,
-        _ => return None,
-    })
+pub(super) fn area(code: u8) -> Option<Area> {
+    AREAS.get(usize::from(code)).copied()
 }
 
 /// The area of a bit operand: as [`area`], the periphery has no bits.

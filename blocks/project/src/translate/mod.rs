@@ -66,7 +66,6 @@ pub struct Translation {
 }
 
 /// Translates a folder, as far as that is possible; the rest is in the notes.
-#[must_use]
 pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
     let mut draft = Draft::new(folder, wanted);
     draft.settle();
@@ -455,7 +454,6 @@ impl<'f> Draft<'f> {
 }
 
 /// A block of a folder as a CPU would hold it.
-#[must_use]
 pub fn image_of(block: &Block) -> BlockImage {
     let text = |text: &str| {
         let mut out = [0u8; 8];

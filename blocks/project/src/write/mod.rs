@@ -54,7 +54,6 @@ const SCL: i64 = 1_122_310;
 
 impl NewProject {
     /// The files of the project.
-    #[must_use]
     pub fn files(&self) -> Files {
         let mut files = Files::default();
         files.put(&format!("{}.s7p", self.name), self.head());

@@ -171,7 +171,7 @@ fn real(text: &[u8]) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, string};
+    use crate::tests::{Fake, string};
 
     #[test]
     fn integers_to_strings() {

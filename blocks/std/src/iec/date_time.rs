@@ -110,7 +110,7 @@ fn to_s5(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, dt};
+    use crate::tests::{Fake, dt};
 
     #[test]
     fn sums_and_differences() {

@@ -116,7 +116,7 @@ fn select(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     const INT: u8 = 5;
     const WORD: u8 = 4;

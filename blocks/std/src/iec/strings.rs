@@ -143,7 +143,7 @@ fn compare(call: &mut Call<'_>, holds: fn(Ordering) -> bool) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, string};
+    use crate::tests::{Fake, string};
 
     /// Name of the block, strings, numbers, room of the result; result and BR.
     type Case = (&'static str, &'static [&'static str], &'static [i16], u8, &'static str, bool);

@@ -151,7 +151,7 @@ fn differential(call: &mut Call<'_>, signal: f32, cycle: f32, manual: bool) -> f
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     fn fake() -> Fake {
         Fake::new("PID:FB41").with("MAN_ON", [0]).with("SP_INT", 10f32.to_be_bytes())

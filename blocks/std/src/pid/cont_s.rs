@@ -71,7 +71,7 @@ fn cont_s(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// A controller in automatic mode without integral part: MTR_TM 30 s, pulse 3 s, break 2 s.
     fn fake(set_point: f32) -> Fake {

@@ -89,7 +89,7 @@ fn limited(length: f32, shortest: f32, whole: f32) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Ten calls a period of 100 ms.
     fn fake(input: f32) -> Fake {

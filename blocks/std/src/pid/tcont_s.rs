@@ -98,7 +98,7 @@ fn ms(call: &mut Call<'_>, p: TcontS) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Automatic mode without integral action, CYCLE 1 s, GAIN 1, MTR_TM 30 s, pulse 3 s, break 2 s.
     fn fake(set_point: f32) -> Fake {

@@ -146,13 +146,11 @@ impl AlarmTable {
     }
 
     /// What displays have logged on for.
-    #[must_use]
     pub const fn displays(&self) -> Displays {
         self.displays
     }
 
     /// The number of the last change.
-    #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
     }
@@ -183,14 +181,12 @@ impl AlarmTable {
     }
 
     /// The alarm with this message number.
-    #[must_use]
     pub fn get(&self, id: u32) -> Option<&AlarmNow> {
         let place = self.find(id)?;
         self.places.get(usize::from(place))?.as_ref().map(|entry| &entry.now)
     }
 
     /// The alarm with the next higher message number.
-    #[must_use]
     pub fn after(&self, id: u32) -> Option<&AlarmNow> {
         let at = self.index.partition_point(|(other, _)| *other <= id);
         let (_, place) = self.index.get(at)?;
@@ -198,7 +194,6 @@ impl AlarmTable {
     }
 
     /// Where SFC 105 goes on.
-    #[must_use]
     pub const fn reading(&self) -> Option<(i16, u32, u32)> {
         self.reading
     }
@@ -400,7 +395,6 @@ impl AlarmTable {
     }
 
     /// The alarm that this instance has registered, and how many of its messages wait.
-    #[must_use]
     pub fn registered(&self, place: u16, id: u32, owner: Owner) -> Option<(&AlarmState, u8)> {
         let entry = self.places.get(usize::from(place))?.as_ref()?;
         ((entry.now.state.id, entry.owner) == (id, owner)).then_some((&entry.now.state, entry.waiting))
@@ -534,7 +528,6 @@ impl AlarmTable {
     }
 
     /// The oldest change that waits.
-    #[must_use]
     pub fn next(&self) -> Option<&AlarmEvent> {
         self.changes.front()
     }

@@ -73,7 +73,6 @@ impl ErrorFilter {
     }
 
     /// The masked errors: programming, access.
-    #[must_use]
     pub const fn masked(&self) -> [u32; 2] {
         self.masked
     }

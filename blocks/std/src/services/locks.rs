@@ -81,19 +81,16 @@ impl InterruptLocks {
     }
 
     /// For the CPU: true while higher priority classes wait.
-    #[must_use]
     pub const fn is_delayed(&self) -> bool {
         self.delays > 0
     }
 
     /// For the CPU: true when new events of this OB are lost.
-    #[must_use]
     pub const fn is_disabled(&self, ob: u16) -> bool {
         ob < 128 && self.disabled >> ob & 1 == 1
     }
 
     /// For the CPU: true when the lost events leave no diagnostic entry either.
-    #[must_use]
     pub const fn is_silent(&self, ob: u16) -> bool {
         ob < 128 && self.silent >> ob & 1 == 1
     }

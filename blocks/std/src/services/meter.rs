@@ -43,20 +43,17 @@ impl RunTimeMeter {
     }
 
     /// True while it counts.
-    #[must_use]
     pub const fn is_running(&self) -> bool {
         self.since.is_some()
     }
 
     /// Whole hours; `None` when there are more than [`Self::MAX_HOURS`].
-    #[must_use]
     pub fn hours(&self, now: Instant) -> Option<u16> {
         let hours = self.total(now);
         if hours > Self::MAX_HOURS as u64 { None } else { Some(hours as u16) }
     }
 
     /// Whole hours; `None` when there are more than [`Self::MAX_LONG_HOURS`].
-    #[must_use]
     pub fn long_hours(&self, now: Instant) -> Option<u32> {
         let hours = self.total(now);
         if hours > Self::MAX_LONG_HOURS as u64 { None } else { Some(hours as u32) }

@@ -21,7 +21,6 @@ pub enum Period {
 
 impl Period {
     /// The period of a PERIOD word. Once a week has two: 1202h in the description of SFC 28, and 1201h.
-    #[must_use]
     pub const fn from_word(word: u16) -> Option<Self> {
         Some(match word {
             0x0000 => Period::Once,
@@ -53,7 +52,6 @@ pub struct TimeOfDayInterrupt {
 
 impl TimeOfDayInterrupt {
     /// The first time after `now`, whether active or not; `None` when there is none.
-    #[must_use]
     pub fn next(&self, now: Moment) -> Option<Moment> {
         let (start, period) = self.set?;
         let step = match period {

@@ -165,7 +165,6 @@ pub enum StatusError {
 
 impl StatusError {
     /// RET_VAL of SFC 51.
-    #[must_use]
     pub const fn code(self) -> u16 {
         match self {
             Self::Id => 0x8082,

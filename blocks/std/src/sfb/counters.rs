@@ -67,7 +67,7 @@ pub(super) fn ctud(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn up_and_reset() {

@@ -142,7 +142,7 @@ fn outputs(call: &mut Call<'_>, step: u8) {
 mod tests {
     use ob1_time::Instant;
 
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Three steps of 20, 30 and 10 ms; outputs 1, 2 and 4, of which the third is masked except bit 2.
     fn fake() -> Fake {

@@ -155,7 +155,7 @@ fn information(call: &mut Call<'_>, alarm: &crate::services::AlarmInfo) -> Resul
 #[cfg(test)]
 mod tests {
     use crate::services::AlarmInfo;
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn reads_a_record() {

@@ -105,7 +105,7 @@ mod tests {
     use ob1_time::Instant;
 
     use crate::standard_block;
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn instances_have_the_sizes_and_addresses_of_an_s7_1500() {

@@ -153,7 +153,7 @@ pub(super) const fn off_delay(state: State, input: bool, over: bool) -> State {
 mod tests {
     use ob1_time::Instant;
 
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Time in ms, IN; Q and ET after the call.
     type Row = (u64, u8, u32, i32);

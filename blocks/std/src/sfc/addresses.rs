@@ -238,7 +238,7 @@ fn log_geo(call: &mut Call<'_>) -> Done {
 #[cfg(test)]
 mod tests {
     use super::Placed;
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     /// Slot 4: inputs alone; 5: outputs alone; 6: both, the outputs lower; 7: no addresses. On master system 1
     /// station 8: itself, at 2046, and slot 3.

@@ -53,7 +53,7 @@ fn bits(call: &mut Call<'_>, value: bool) -> Result<(), u16> {
 mod tests {
     use ob1_model::Area;
 
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn sets_and_resets() {

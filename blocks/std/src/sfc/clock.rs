@@ -149,7 +149,7 @@ fn rtm(call: &mut Call<'_>) -> Done {
 mod tests {
     use ob1_time::{Instant, Span};
 
-    use crate::testing::{Fake, dt, moment};
+    use crate::tests::{Fake, dt, moment};
 
     #[test]
     fn the_clock() {

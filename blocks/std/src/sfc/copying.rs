@@ -80,7 +80,7 @@ fn carry_out(call: &mut Call<'_>, plan: &Plan) -> Result<(), u16> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn moves_and_fills() {

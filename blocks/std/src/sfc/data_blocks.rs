@@ -198,7 +198,7 @@ fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32)
 #[cfg(test)]
 mod tests {
     use crate::services::{CreateError, DbInfo};
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn creating() {

@@ -102,7 +102,7 @@ fn ob_rt(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn start_information() {

@@ -69,7 +69,7 @@ mod tests {
     use ob1_model::FaultKind;
 
     use crate::services::ErrorFilter;
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Calls a block with two masks; RET_VAL and the two outputs.
     fn call(filter: &mut ErrorFilter, key: &str, names: [&str; 4], masks: [u32; 2]) -> (u32, [u32; 2]) {

@@ -35,7 +35,7 @@ fn update(call: &mut Call<'_>, run: fn(&mut dyn Images, u8) -> Result<(), ImageE
 #[cfg(test)]
 mod tests {
     use crate::services::ImageError;
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn updates() {

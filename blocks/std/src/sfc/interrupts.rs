@@ -41,7 +41,7 @@ fn irt(call: &mut Call<'_>, disable: bool) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn locks() {

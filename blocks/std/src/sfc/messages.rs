@@ -57,7 +57,7 @@ fn info(call: &mut Call<'_>, p: impl Params, types: &[AnyType], into: &mut [u8],
 #[cfg(test)]
 mod tests {
     use crate::services::MessageError;
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn user_messages() {

@@ -177,7 +177,7 @@ fn read_record(call: &mut Call<'_>) -> Result<u16, u16> {
 #[cfg(test)]
 mod tests {
     use crate::ModuleSize;
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     fn with_module(key: &str) -> Fake {
         let mut fake = Fake::new(key).with("RET_VAL", [9; 2]);

@@ -98,7 +98,7 @@ fn parm_mod(call: &mut Call<'_>) -> Done {
 mod tests {
     use super::Placed;
     use crate::ModuleSize;
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     fn fake(key: &str, req: u8, address: u16) -> Fake {
         let mut fake = Fake::new(key).with("REQ", [req]).with("LADDR", address.to_be_bytes());

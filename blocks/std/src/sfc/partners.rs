@@ -35,7 +35,7 @@ fn nobody(call: &mut Call<'_>, req: impl Params, busy: impl Params, ret_val: imp
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, any};
+    use crate::tests::{Fake, any};
 
     #[test]
     fn nobody_answers() {

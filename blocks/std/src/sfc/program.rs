@@ -42,7 +42,7 @@ mod tests {
     use ob1_time::Span;
 
     use crate::Abort;
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn the_program_is_controlled() {

@@ -146,7 +146,7 @@ mod tests {
     use ob1_time::{Instant, Span};
 
     use crate::services::{DelayInterrupt, Period, TimeOfDayInterrupt};
-    use crate::testing::{Fake, dt, moment};
+    use crate::tests::{Fake, dt, moment};
 
     const NOW: &str = "2024-03-01-00:00:00.000";
     const SOON: Instant = Instant::from_nanos(7);

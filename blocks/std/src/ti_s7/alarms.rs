@@ -132,7 +132,7 @@ fn mcat(call: &mut Call<'_>) -> Done {
 mod tests {
     use ob1_time::Span;
 
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// One call after so many milliseconds.
     fn after(fake: &mut Fake, ms: u64, inputs: &[(&str, u8)]) {

@@ -36,7 +36,7 @@ fn range(call: &mut Call<'_>, value: bool) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, pointer};
+    use crate::tests::{Fake, pointer};
 
     #[test]
     fn rows_of_bits() {

@@ -113,7 +113,7 @@ fn bcdcpl(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, pointer};
+    use crate::tests::{Fake, pointer};
 
     #[test]
     fn digits_and_bits() {

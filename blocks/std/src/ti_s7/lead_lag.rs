@@ -39,7 +39,7 @@ fn call_end(call: &mut Call<'_>, code: u32) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn the_example_of_the_manual() {

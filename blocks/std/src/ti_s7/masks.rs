@@ -89,7 +89,7 @@ fn smc(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     /// Masks 0 to 3: nothing, bit 0, bits 0 and 9, bit 15.
     fn masks() -> Vec<u8> {

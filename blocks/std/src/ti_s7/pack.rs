@@ -112,7 +112,7 @@ fn put_bit(call: &mut Call<'_>, place: Place, bit: u32, value: bool) -> Result<(
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, any, pointer};
+    use crate::tests::{Fake, any, pointer};
 
     /// The manual's example: two bits, a byte, two bits, a word.
     fn fake() -> Fake {

@@ -66,7 +66,7 @@ fn unscale(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Fake;
+    use crate::tests::Fake;
 
     #[test]
     fn scales_and_limits() {

@@ -147,7 +147,7 @@ fn tbl_tbl(call: &mut Call<'_>) -> Result<(), u16> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, pointer};
+    use crate::tests::{Fake, pointer};
 
     #[test]
     fn the_deviation_of_the_manual() {

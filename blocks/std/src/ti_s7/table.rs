@@ -207,7 +207,7 @@ fn wrd_tbl(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Fake, pointer};
+    use crate::tests::{Fake, pointer};
 
     fn words(fake: &Fake, at: usize, count: usize) -> Vec<u16> {
         fake.memory_at(at, 2 * count).chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect()

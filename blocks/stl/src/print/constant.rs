@@ -13,7 +13,6 @@ use crate::time;
 
 /// The constant that stands for laid-out bytes of a type; `None` where there is none: NaN, times of a second form,
 /// texts whose lengths are wrong, structures.
-#[must_use]
 pub fn constant(ty: &DataType, bytes: &[u8]) -> Option<String> {
     let value = || {
         let wanted = ty.elementary_bits()?.div_ceil(8) as usize;

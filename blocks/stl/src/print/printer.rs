@@ -68,7 +68,6 @@ impl fmt::Debug for Printer<'_> {
 
 impl<'p> Printer<'p> {
     /// A printer; `callees` gives the names of parameters. [`Mnemonics::Auto`] prints German.
-    #[must_use]
     pub fn new(mnemonics: Mnemonics, callees: &'p Callees<'p>) -> Self {
         Self { mnemonics, callees, symbols: None }
     }

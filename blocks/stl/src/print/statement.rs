@@ -37,7 +37,6 @@ impl Printer<'_> {
     }
 
     /// The statements of a block in parts; where one cannot be expressed in a source, it is shown as the operation.
-    #[must_use]
     pub fn shown(&self, block: &CodeBlock, listing: &Listing) -> Vec<Shown> {
         let labels = labels(block, &listing.labels);
         let lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };

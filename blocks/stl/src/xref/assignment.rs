@@ -81,7 +81,6 @@ impl Assignment {
     }
 
     /// As text, with the free places below the highest one in use.
-    #[must_use]
     pub fn render(&self, set: Mnemonics) -> String {
         let mut out = String::from(
             "        7 6 5 4 3 2 1 0   x a bit, o part of more, B W D begin here, P past the process image\n",
@@ -166,7 +165,6 @@ pub struct WrittenTwice<'x> {
 
 impl<P: Deref<Target = Program>> CrossReference<P> {
     /// What is used of inputs, outputs, bit memory, timers and counters.
-    #[must_use]
     pub fn assignment(&self) -> Assignment {
         let mut all = Assignment::default();
         for reference in &self.all {
@@ -193,7 +191,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
     }
 
     /// The symbols that no statement uses. Organization blocks are called by the CPU.
-    #[must_use]
     pub fn unused(&self) -> Vec<&Symbol> {
         let assignment = self.assignment();
         let mut blocks: BTreeSet<BlockId> = BTreeSet::new();
@@ -227,7 +224,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
 
     /// The outputs that several statements write, at least one of them each time it runs. What a startup block writes
     /// is overwritten on purpose.
-    #[must_use]
     pub fn written_twice(&self) -> Vec<WrittenTwice<'_>> {
         let mut writers: BTreeMap<u32, Vec<&Reference>> = BTreeMap::new();
         let is_startup = |id: BlockId| id.kind == BlockKind::Ob && (100..=102).contains(&id.number);

@@ -24,7 +24,6 @@ struct Called<'p> {
 
 impl<P: Deref<Target = Program>> CrossReference<P> {
     /// The call structure as text: each block is opened where it stands first. Then the blocks that nothing calls.
-    #[must_use]
     pub fn calls(&self) -> String {
         let program: &Program = &self.program;
         let blocks: BTreeMap<BlockId, &CodeBlock> = program.blocks.iter().map(|block| (block.id, block)).collect();

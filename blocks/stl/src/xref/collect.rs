@@ -132,7 +132,7 @@ impl Seen<'_, '_> {
 
     /// An operand with the size of what lies there: more than the operand's width for composed types.
     fn sized(&mut self, operand: Operand, bits: u32, access: Access, via: Option<&str>) {
-        let width = width_order(operand.width);
+        let width = operand.width as u8;
         let text = operand.to_string();
         let id = self.block.id;
         let named =
@@ -199,7 +199,7 @@ impl Seen<'_, '_> {
 
     /// A place in a data block that is known.
     fn in_data(&mut self, db: u16, operand: Operand, at: BitAddr, bits: u32, access: Access, via: Option<&str>) {
-        let width = width_order(operand.width);
+        let width = operand.width as u8;
         let name = self.all.data.get(&db).and_then(|data| names::in_data(&data.components, at, bits));
         let symbol = name.map(|name| format!("DB{db}.{name}"));
         let extent = Extent::Data { db: Some(db), at: at.0, bits };
@@ -449,35 +449,23 @@ fn pointed(bytes: &[u8]) -> Option<(Operand, u32)> {
     Some((Operand { width, place }, count * bits))
 }
 
-const fn class_of(kind: BlockKind) -> u8 {
-    match kind {
-        BlockKind::Db | BlockKind::Sdb => 30,
-        BlockKind::Ob => 33,
-        BlockKind::Fb => 34,
-        BlockKind::Fc => 35,
-        BlockKind::Sfb => 36,
-        BlockKind::Sfc => 37,
-    }
+/// The classes of blocks in the order of the references. System data is listed with the data blocks.
+const CLASSES: [(BlockKind, u8); 7] = [
+    (BlockKind::Db, 30),
+    (BlockKind::Sdb, 30),
+    (BlockKind::Ob, 33),
+    (BlockKind::Fb, 34),
+    (BlockKind::Fc, 35),
+    (BlockKind::Sfb, 36),
+    (BlockKind::Sfc, 37),
+];
+
+fn class_of(kind: BlockKind) -> u8 {
+    CLASSES.into_iter().find(|(of, _)| *of == kind).map_or(0, |(_, class)| class)
 }
 
-const fn kind_of(class: u8) -> BlockKind {
-    match class {
-        33 => BlockKind::Ob,
-        34 => BlockKind::Fb,
-        35 => BlockKind::Fc,
-        36 => BlockKind::Sfb,
-        37 => BlockKind::Sfc,
-        _ => BlockKind::Db,
-    }
-}
-
-const fn width_order(width: Width) -> u8 {
-    match width {
-        Width::Bit => 0,
-        Width::Byte => 1,
-        Width::Word => 2,
-        Width::DWord => 3,
-    }
+fn kind_of(class: u8) -> BlockKind {
+    CLASSES.into_iter().find(|(_, of)| *of == class).map_or(BlockKind::Db, |(kind, _)| kind)
 }
 
 const fn operand_order(operand: Operand) -> u32 {

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
 
 use ob1_ir::{Number, Op, Program, Symbol, Target};
-use ob1_model::{BlockId, Interface};
+use ob1_model::{BlockId, Interface, named};
 
 use crate::library::Library;
 use crate::words::Words;
@@ -24,37 +24,26 @@ pub use extent::Match;
 pub use query::Unknown;
 pub use text::{address_in_set, in_set, render_xref};
 
-/// What a statement does to an operand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Access {
-    /// It reads the operand.
-    Read,
-    /// It writes the operand.
-    Write,
-    /// Both: edge bits, in/outs, parameters of blocks that are not known.
-    ReadWrite,
-    /// It calls the block.
-    Call,
-    /// It opens the data block, or runs a function block on it.
-    Open,
-    /// It loads a pointer to it.
-    Point,
+named! {
+    /// What a statement does to an operand.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Access {
+        /// It reads the operand.
+        Read = "R",
+        /// It writes the operand.
+        Write = "W",
+        /// Both: edge bits, in/outs, parameters of blocks that are not known.
+        ReadWrite = "RW",
+        /// It calls the block.
+        Call = "call",
+        /// It opens the data block, or runs a function block on it.
+        Open = "open",
+        /// It loads a pointer to it.
+        Point = "ptr",
+    }
 }
 
 impl Access {
-    /// `R`, `W`, `RW`, `call`, `open`, `ptr`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Access::Read => "R",
-            Access::Write => "W",
-            Access::ReadWrite => "RW",
-            Access::Call => "call",
-            Access::Open => "open",
-            Access::Point => "ptr",
-        }
-    }
-
     /// Whether it may read and whether it may write.
     const fn does(self) -> [bool; 2] {
         match self {
@@ -97,13 +86,11 @@ pub struct Reference {
 
 /// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count
 /// as read and written; [`xref_with`] is more exact.
-#[must_use]
 pub fn xref(program: &Program) -> Vec<Reference> {
     xref_with(program, &Library::new())
 }
 
 /// The cross-reference of a program that calls blocks of a library.
-#[must_use]
 pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
     let interfaces: BTreeMap<BlockId, &Interface> = library
         .iter()
@@ -138,7 +125,6 @@ pub struct Uses<'x> {
 
 impl<P: Deref<Target = Program>> CrossReference<P> {
     /// Of a program that calls blocks of a library.
-    #[must_use]
     pub fn new(program: P, library: &Library) -> Self {
         let words = Words::of_both();
         let meaning = |symbol: &Symbol| Some((query::of_symbol(symbol, &words)?.0, symbol.name.clone()));
@@ -148,7 +134,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
     }
 
     /// The program that it is about.
-    #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }

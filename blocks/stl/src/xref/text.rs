@@ -9,7 +9,6 @@ use crate::identifiers::IDENTIFIERS;
 use crate::mnemonics::Mnemonics;
 
 /// An operand in German mnemonics, `E 8.0`, in another set: `I 8.0`.
-#[must_use]
 pub fn in_set(operand: &str, set: Mnemonics) -> String {
     let end = operand.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(operand.len());
     let (word, rest) = operand.split_at(end);
@@ -19,7 +18,6 @@ pub fn in_set(operand: &str, set: Mnemonics) -> String {
 
 /// An address of a symbol table, as either set and any spelling have it (`I   8.0`, `ew4`), in a set: `E 8.0`. `None`:
 /// it has no number.
-#[must_use]
 pub fn address_in_set(address: &str, set: Mnemonics) -> Option<String> {
     let address = address.trim();
     let (word, number) = address.split_at(address.find(|c: char| c.is_ascii_digit())?);
@@ -36,19 +34,16 @@ pub fn address_in_set(address: &str, set: Mnemonics) -> Option<String> {
 
 impl Reference {
     /// Whether it certainly writes the operand.
-    #[must_use]
     pub const fn writes(&self) -> bool {
         matches!(self.access, Access::Write | Access::ReadWrite)
     }
 
     /// The operand in a set of mnemonics.
-    #[must_use]
     pub fn operand_in(&self, set: Mnemonics) -> String {
         in_set(&self.operand, set)
     }
 
     /// Where it is: `FB 20, network 1, press.awl:23`.
-    #[must_use]
     pub fn place(&self, program: &Program) -> String {
         let Self { block, network, line, source, .. } = self;
         match program.sources.get(*source as usize) {
@@ -59,7 +54,6 @@ impl Reference {
 }
 
 /// References as text: each operand with its symbol, below it one line for each place.
-#[must_use]
 pub fn render_xref<'r>(
     references: impl IntoIterator<Item = &'r Reference>,
     program: &Program,

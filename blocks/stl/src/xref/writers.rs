@@ -32,7 +32,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
     }
 
     /// A block and all those that it calls, directly or through others.
-    #[must_use]
     pub fn reached_from(&self, block: BlockId) -> BTreeSet<BlockId> {
         let (mut seen, mut open) = (BTreeSet::new(), vec![block]);
         while let Some(id) = open.pop() {
@@ -52,7 +51,6 @@ impl<P: Deref<Target = Program>> CrossReference<P> {
     }
 
     /// The name and the symbol of an operand at a line, `E 1.0` as the reference has it.
-    #[must_use]
     pub fn named_at(&self, block: BlockId, line: u32, operand: &str) -> Option<&Reference> {
         let of_line = |r: &&Reference| r.block == block && r.line == line && r.via.is_none();
         let mut all = self.all.iter().filter(of_line);

@@ -39,7 +39,6 @@ pub struct GpioMaster {
 
 impl GpioMaster {
     /// The master of a chip with place `index` in the image's list.
-    #[must_use]
     pub fn new(config: &GpioConfig, index: usize) -> Self {
         Self {
             levels: vec![false; config.inputs.len()],
@@ -104,7 +103,6 @@ impl GpioMaster {
     }
 
     /// Whether no output is on, or none can be driven.
-    #[must_use]
     pub fn is_off(&self) -> bool {
         self.pins.is_none() || self.driven.iter().all(|on| !on)
     }

@@ -7,7 +7,7 @@ use super::modem::Modem;
 use super::rk512_side::Rk512Side;
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::LedDriver;
-use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::port::{Counter, CpEvent, CpPort};
 use crate::ring::Ring;
 
 /// Where the protocol puts its results during one step.
@@ -55,7 +55,7 @@ impl Sink for Outlet<'_> {
         // There is room for it: it was checked before, or reserved for the end.
         self.ring.push_part(bytes, part);
         if part == Part::Last {
-            self.port.count(CpCounter::Received, 1);
+            self.port.count(Counter::TelegramsReceived, 1);
         }
         if !bytes.is_empty() {
             self.port.event(self.now, CpEvent::Received(bytes));

@@ -6,7 +6,7 @@ use ob1_protocols::{Input, Instant, Sink};
 use super::outlet::Outlet;
 use super::{Cp240, rx_word};
 use crate::cp240::rk512_side::{Handed, Offer};
-use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::port::{Counter, CpEvent, CpPort};
 use ob1_words::cp240::OWN_ORDER;
 
 impl Cp240 {
@@ -16,7 +16,7 @@ impl Cp240 {
         let framing = self.send.framing();
         if framing == OWN_ORDER {
             if !self.order_waits {
-                port.count(CpCounter::OrdersAccepted, 1);
+                port.count(Counter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
             }
             // An order that the program has given up is still running: this one begins after it.
@@ -62,7 +62,7 @@ impl Cp240 {
     /// Evaluates `RX echo`: whether the CPU has taken an order of the partner or a result.
     pub(super) fn look_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if let Some((Offer::Partner, length)) = self.rk512.look(rx_word(&self.outputs)) {
-            port.count(CpCounter::Delivered, 1);
+            port.count(Counter::TelegramsDelivered, 1);
             port.event(now, CpEvent::Delivered(length));
         }
     }
@@ -82,10 +82,10 @@ impl Cp240 {
         let busy = machine.busy();
         let orders = u64::from(core::mem::take(&mut self.order_waits)) + u64::from(busy);
         if orders > 0 {
-            port.count(CpCounter::OrdersAborted, orders);
+            port.count(Counter::OrdersAborted, orders);
         }
         if self.rk512.clear() {
-            port.count(CpCounter::ReceiveAborted, 1);
+            port.count(Counter::ReceiveAborted, 1);
         }
         Some(())
     }
@@ -103,13 +103,13 @@ impl rk512::Owner for Outlet<'_> {
 
     fn asked(&mut self, request: &Request, data: &[u8]) {
         self.rk512.asked(request, data);
-        self.port.count(CpCounter::Received, 1);
+        self.port.count(Counter::TelegramsReceived, 1);
         self.port.event(self.now, CpEvent::Asked(request, data));
     }
 
     fn answered(&mut self, outcome: Result<(), AnswerError>) {
         if self.rk512.answered() {
-            self.port.count(CpCounter::ReceiveAborted, 1);
+            self.port.count(Counter::ReceiveAborted, 1);
         }
         self.port.event(self.now, CpEvent::Answered(outcome));
     }
@@ -119,7 +119,7 @@ impl rk512::Owner for Outlet<'_> {
             rk512::Event::Line(event) => Sink::report(self, event),
             // A part of an order that was acknowledged but whose rest never came is a lost telegram.
             other @ (rk512::Event::Refused(_) | rk512::Event::Abandoned) => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
+                self.port.count(Counter::ReceiveErrors, 1);
                 if other == rk512::Event::Refused(rk512::Refusal::TooLong) {
                     // "Maximally 1024byte user data may be transferred." [S0 L1298]
                     self.rk512.refused(OrderError::TooLong.code());

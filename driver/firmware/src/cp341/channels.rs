@@ -9,7 +9,7 @@ use ob1_protocols::{Input, Instant, Order, Span, modbus_master_32};
 use super::protocol::Protocol;
 use super::receive::{self, Offer};
 use super::{Channel, ChannelBlock, Cp341, Job, request, send};
-use crate::port::{Cp as _, CpCounter, CpEvent, CpPort};
+use crate::port::{Counter, Cp as _, CpEvent, CpPort};
 use ob1_words::channels::{Offered as Kind, Refusal as Reason};
 
 /// A telegram that the CPU has no room for is offered again after this time. (ours; "repeated attempts"
@@ -22,7 +22,7 @@ impl Cp341 {
             send::Step::Nothing | send::Step::Started => {}
             send::Step::Refused(status) => self.job_ended(now, Err(status), port),
             send::Step::Complete => {
-                port.count(CpCounter::OrdersAccepted, 1);
+                port.count(Counter::OrdersAccepted, 1);
                 self.begin(now, port);
             }
         }
@@ -100,9 +100,9 @@ impl Cp341 {
     /// The job of the send channel has ended before it reached the protocol.
     fn job_ended(&mut self, now: Instant, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
         match outcome {
-            Ok(_) => port.count(CpCounter::Sent, 1),
+            Ok(_) => port.count(Counter::TelegramsSent, 1),
             Err(status) => {
-                port.count(CpCounter::SendErrors, 1);
+                port.count(Counter::SendErrors, 1);
                 self.enter(now, status, port);
             }
         }
@@ -170,7 +170,7 @@ impl Cp341 {
     /// A telegram is no longer offered: it waits in the buffer, or a newer one has replaced it.
     pub(super) fn withdraw(&mut self, port: &mut dyn CpPort) {
         if !mem::take(&mut self.parts.on_offer) {
-            port.count(CpCounter::ReceiveAborted, 1);
+            port.count(Counter::ReceiveAborted, 1);
         }
     }
 
@@ -198,7 +198,7 @@ impl Cp341 {
         if mem::take(&mut self.parts.on_offer) {
             self.parts.ring.pop();
         }
-        port.count(CpCounter::Delivered, 1);
+        port.count(Counter::TelegramsDelivered, 1);
         port.event(now, CpEvent::Delivered(self.receive.given().len()));
         self.order_loadable(now, modbus_master_32::Order::Taken(true), port);
     }

@@ -9,7 +9,7 @@ use ob1_protocols::Span;
 use ob1_protocols::modbus_master_32::{Driver, Owner, Parameters, Signals, Wiring};
 
 use super::outlet::Outlet;
-use crate::port::{CpCounter, CpEvent};
+use crate::port::{Counter, CpEvent};
 
 /// The driver with these parameters. `late`: how late the line may hand over characters.
 pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Span) -> Driver {
@@ -36,7 +36,7 @@ pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Span) -> Driver 
 impl Owner for Outlet<'_> {
     fn deliver(&mut self, destination: &[u8]) {
         self.parts.ring.push(destination);
-        self.port.count(CpCounter::Received, 1);
+        self.port.count(Counter::TelegramsReceived, 1);
         self.port.event(self.now, CpEvent::Received(destination));
     }
 

@@ -25,7 +25,7 @@ use ob1_protocols::rk512::{self, AnswerError, Refusal};
 use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
 use crate::leds::Leds;
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
+use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort};
 use crate::protocol::signals_off;
 use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
@@ -96,7 +96,7 @@ impl Cp for Cp341 {
             }
             CpInput::Line(line) => self.line(now, line, port),
             CpInput::NoLine => {
-                port.count(CpCounter::LineFaults, 1);
+                port.count(Counter::LineFaults, 1);
                 self.parts.line_gone = true;
             }
             CpInput::CpuRun(run) => self.cpu(now, run, port),
@@ -272,7 +272,7 @@ impl Cp341 {
     fn clear_buffer(&mut self, capacity: Capacity, port: &mut dyn CpPort) {
         let dropped = self.parts.ring.telegrams();
         if dropped > 0 {
-            port.count(CpCounter::ReceiveAborted, dropped as u64);
+            port.count(Counter::ReceiveAborted, dropped as u64);
         }
         self.parts.ring.clear(capacity);
     }
@@ -381,17 +381,17 @@ impl Cp341 {
         let outcome = outcome.and_then(|len| self.misprint.take().map_or(Ok(len), Err));
         match outcome {
             Ok(_) => {
-                port.count(CpCounter::Sent, 1);
+                port.count(Counter::TelegramsSent, 1);
                 port.event(now, CpEvent::Sent);
             }
             Err(status) => {
-                port.count(CpCounter::SendErrors, 1);
+                port.count(Counter::SendErrors, 1);
                 port.event(now, CpEvent::JobFailed(status));
                 if matches!(self.protocol, Protocol::Loadable(_)) && self.parts.ring.oldest().is_some() {
                     // Nobody has taken the reply.
                     self.parts.ring.pop();
                     self.parts.on_offer = false;
-                    port.count(CpCounter::ReceiveAborted, 1);
+                    port.count(Counter::ReceiveAborted, 1);
                     self.receive.ended(Err(status));
                 }
             }
@@ -408,14 +408,14 @@ impl Cp341 {
         match outcome {
             Ok(()) => {
                 if self.receive.offered().is_some() {
-                    port.count(CpCounter::Delivered, 1);
+                    port.count(Counter::TelegramsDelivered, 1);
                     self.receive.ended(Ok(()));
                 } else {
-                    port.count(CpCounter::ReceiveAborted, 1);
+                    port.count(Counter::ReceiveAborted, 1);
                 }
             }
             Err(error) => {
-                port.count(CpCounter::ReceiveAborted, 1);
+                port.count(Counter::ReceiveAborted, 1);
                 let offered = self.receive.offered().is_some();
                 let status = match error {
                     AnswerError::Line(_) => 0x0612,

@@ -9,7 +9,7 @@ use ob1_protocols::{Event, Instant, LineFault, Phase, SendError, Sink, Span, Wha
 
 use super::leds::LedDriver;
 use super::model::JOB_MAX;
-use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::port::{Counter, CpEvent, CpPort, counted};
 use crate::ring::{BYTES_341, Ring};
 
 /// Maximum number of errors that P_RCV_RK has not been told yet.
@@ -257,7 +257,7 @@ impl Sink for Outlet<'_> {
         self.parts.receive_error = None;
         if self.parts.ring.overwrites() && self.parts.ring.telegrams() > 0 && !mem::take(&mut self.parts.on_offer) {
             // A telegram on offer is counted when P_RCV_RK takes or refuses it.
-            self.port.count(CpCounter::ReceiveAborted, 1);
+            self.port.count(Counter::ReceiveAborted, 1);
         }
         let is_stored = self.parts.ring.push(telegram);
         self.port.received(self.now, telegram, is_stored);
@@ -281,7 +281,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn report(&mut self, event: Event) {
-        if let Some(counter) = CpCounter::of(event.what) {
+        if let Some(counter) = counted(event.what) {
             self.port.count(counter, 1);
         }
         // The block is given up.
@@ -323,7 +323,7 @@ impl rk512::Owner for Outlet<'_> {
 
     fn asked(&mut self, request: &Request, data: &[u8]) {
         self.parts.asked.put(request, data);
-        self.port.count(CpCounter::Received, 1);
+        self.port.count(Counter::TelegramsReceived, 1);
         self.port.event(self.now, CpEvent::Asked(request, data));
     }
 
@@ -343,7 +343,7 @@ impl rk512::Owner for Outlet<'_> {
                 }
                 // A part of an order that was acknowledged but whose rest never came is a lost telegram.
                 if let (rk512::Event::Refused(_) | rk512::Event::Abandoned, Some(number)) = (other, other.number()) {
-                    self.port.count(CpCounter::ReceiveErrors, 1);
+                    self.port.count(Counter::ReceiveErrors, 1);
                     self.tell(number);
                 }
             }

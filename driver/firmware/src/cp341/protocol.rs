@@ -38,7 +38,7 @@ pub(crate) struct Plain {
 }
 
 impl Plain {
-    fn ascii(config: ascii::Config, kind: CpKind) -> Self {
+    fn ascii(config: &ascii::Config, kind: CpKind) -> Self {
         let (automatic, flow) = (config.signals.is_some(), config.flow);
         let driven = (automatic || flow == ascii::Flow::Hardware, automatic);
         let machine: Box<dyn Machine> = match kind {
@@ -95,7 +95,7 @@ impl Protocol {
         let char_time = parameters.line_settings().char_time();
         let p = match &parameters.protocol {
             Protocol341::Ascii(p) => {
-                return Self::Plain(Plain::ascii(ascii_config(p, parameters, late), parameters.kind));
+                return Self::Plain(Plain::ascii(&ascii_config(p, parameters, late), parameters.kind));
             }
             Protocol341::Printer(p) => {
                 let config = ascii::Config {
@@ -105,7 +105,7 @@ impl Protocol {
                     ..ascii::Config::unset(char_time)
                 };
                 // The output of one job may be longer than a CP 340's telegrams.
-                return Self::Printer(Box::new(Printer::new(p)), Plain::ascii(config, CpKind::Cp341));
+                return Self::Printer(Box::new(Printer::new(p)), Plain::ascii(&config, CpKind::Cp341));
             }
             Protocol341::S3964(p) => p,
             Protocol341::ModbusMaster32(p) => {

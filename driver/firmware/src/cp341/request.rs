@@ -66,7 +66,7 @@ fn area(letter: u8) -> Option<Area> {
         b'I' => Some(Area::Inputs),
         b'O' | b'Q' => Some(Area::Outputs),
         b'C' => Some(Area::Counters),
-        letter => Area::of_letter(letter),
+        letter => Area::of(letter),
     }
 }
 

@@ -3,7 +3,7 @@
 mod manual;
 
 use ob1_fakes::cp_port::CpLog;
-use ob1_firmware::{Cp as _, Cp040, CpCounter, CpInput, Instant, LineFault, LineInput, Reason, Span, Why};
+use ob1_firmware::{Counter, Cp as _, Cp040, CpInput, Instant, LineFault, LineInput, Reason, Span, Why};
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_words::slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
 
@@ -131,7 +131,7 @@ impl Bench {
         self.log.troubles.reason(self.now, &self.cp)
     }
 
-    fn count(&self, counter: CpCounter) -> u64 {
+    fn count(&self, counter: Counter) -> u64 {
         self.log.counters.get(&counter).copied().unwrap_or(0)
     }
 }
@@ -153,7 +153,7 @@ fn ascii_goes_both_ways_with_every_io_size() {
             bench.pass(3 * MS);
             assert_eq!(bench.fetch(), Some((0, pattern(length), 0)));
         }
-        assert_eq!((bench.count(CpCounter::Sent), bench.count(CpCounter::Delivered)), (6, 6));
+        assert_eq!((bench.count(Counter::TelegramsSent), bench.count(Counter::TelegramsDelivered)), (6, 6));
     }
 }
 
@@ -238,7 +238,7 @@ fn an_order_the_partner_does_not_answer_ends_with_e() {
     bench.pass(1000 * MS);
     assert_eq!(bench.log.inputs[0], 0xE8);
     bench.put(&[0x88]);
-    assert_eq!((bench.log.inputs[0], bench.count(CpCounter::SendErrors)), (0x88, 1));
+    assert_eq!((bench.log.inputs[0], bench.count(Counter::SendErrors)), (0x88, 1));
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn a_reset_empties_both_directions() {
     assert_eq!(bench.send(b"hello"), None);
     bench.put(&[0x8B]);
     assert_eq!(bench.log.inputs[0], 0xC8);
-    assert_eq!(bench.count(CpCounter::OrdersAborted), 1);
+    assert_eq!(bench.count(Counter::OrdersAborted), 1);
     bench.put(&[0x88]);
     assert_eq!(bench.log.inputs[0], 0x88);
 }

@@ -2,7 +2,7 @@
 //! errors with their numbers at P_SND_RK or P_RCV_RK and in the diagnostic buffer.
 //! [TIA help "Configuration for point-to-point links"] (docs/cp341-events.md)
 
-use ob1_firmware::CpCounter;
+use ob1_firmware::Counter;
 use ob1_params::Value;
 
 use crate::cp341_bench::{Bench, Got, MS};
@@ -174,7 +174,8 @@ fn as_many_telegrams_as_the_parameters_permit() {
 /// Telegrams received are delivered, dropped, or in the buffer.
 fn balanced(bench: &Bench, in_buffer: u64) {
     let [received, delivered, dropped] =
-        [CpCounter::Received, CpCounter::Delivered, CpCounter::ReceiveAborted].map(|counter| bench.count(counter));
+        [Counter::TelegramsReceived, Counter::TelegramsDelivered, Counter::ReceiveAborted]
+            .map(|counter| bench.count(counter));
     assert_eq!(received, delivered + dropped + in_buffer);
 }
 

@@ -1,6 +1,6 @@
 //! A CP with EnOcean: from the registers to the module inside it and back.
 
-use ob1_firmware::{Cp as _, CpCounter, CpInput, LineFault, LineInput};
+use ob1_firmware::{Counter, Cp as _, CpInput, LineFault, LineInput};
 use ob1_params::Cp240;
 use ob1_protocols::esp2::frame::{Bytes, encode};
 use ob1_protocols::esp2::{Button, Command, Message, Radio, Switch, Telegram};
@@ -54,7 +54,7 @@ fn the_send_example_of_the_manual() {
     bench.log.wire.tx.clear();
     bench.hand_over(&[0xAA]);
     assert_eq!(bench.log.wire.tx, [0xAA], "WAKE");
-    assert_eq!(bench.count(CpCounter::Sent), 2);
+    assert_eq!(bench.count(Counter::TelegramsSent), 2);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_full_buffer_is_all_that_er_shows() {
     }
     assert_eq!((bench.cp.received_waiting(), bench.log.leds.error), (150, false));
     bench.line(LineInput::Rx(&frame(switch(0))));
-    assert_eq!((bench.cp.received_waiting(), bench.count(CpCounter::Rejected)), (150, 1));
+    assert_eq!((bench.cp.received_waiting(), bench.count(Counter::RejectedFull)), (150, 1));
     assert!(bench.log.leds.error);
     bench.pass(4000 * MS);
     assert!(!bench.log.leds.error);

@@ -1,6 +1,6 @@
 //! Sending and receiving over the registers, line events in between, failures.
 
-use ob1_firmware::{CpCounter, CpInput, LineFault, LineInput};
+use ob1_firmware::{Counter, CpInput, LineFault, LineInput};
 
 use crate::common::{Bench, MS, ascii, s3964r};
 
@@ -26,7 +26,7 @@ fn the_manuals_example_send() {
     bench.line(LineInput::TxDone);
     assert_eq!(bench.log.shown, [(0, 30), (0, 18), (0, 6), (0, 0)]);
     assert!(!bench.log.leds.transmit);
-    assert_eq!(bench.count(CpCounter::Sent), 1);
+    assert_eq!(bench.count(Counter::TelegramsSent), 1);
 }
 
 #[test]
@@ -40,10 +40,10 @@ fn the_manuals_example_receive() {
     assert_eq!(bench.log.inputs[4..], telegram[..12]);
     bench.put_rx(18);
     assert_eq!(bench.log.inputs, *b"\x00\x06\x00\x00\x0c\x0d\x0e\x0f\x10\x11\x00\x00\x00\x00\x00\x00");
-    assert_eq!(bench.count(CpCounter::Delivered), 0);
+    assert_eq!(bench.count(Counter::TelegramsDelivered), 0);
     bench.put_rx(6);
     assert_eq!(bench.log.shown, [(18, 0), (6, 0), (0, 0)]);
-    assert_eq!(bench.count(CpCounter::Delivered), 1);
+    assert_eq!(bench.count(Counter::TelegramsDelivered), 1);
     bench.put_rx(0);
     assert_eq!(bench.rx(), 0);
 }
@@ -115,7 +115,7 @@ fn a_partner_that_does_not_answer_is_07h() {
     }
     assert_eq!(bench.log.wire.tx, [2, 2, 2, 2, 2, 2, 0x15]);
     assert_eq!(bench.tx_echo(), 0x2007);
-    assert_eq!((bench.count(CpCounter::SendErrors), bench.count(CpCounter::Sent)), (1, 0));
+    assert_eq!((bench.count(Counter::SendErrors), bench.count(Counter::TelegramsSent)), (1, 0));
     bench.put_tx(0x2000, &[]);
     bench.put_tx(0, &[]);
     bench.hand_over(b"again");
@@ -143,7 +143,7 @@ fn nothing_is_done_on_a_line_that_is_gone() {
     bench.hand_over(b"three");
     bench.line(LineInput::TxDone);
     assert_eq!(bench.tx_echo(), 0);
-    assert_eq!((bench.count(CpCounter::Sent), bench.count(CpCounter::SendErrors)), (1, 2));
+    assert_eq!((bench.count(Counter::TelegramsSent), bench.count(Counter::SendErrors)), (1, 2));
 }
 
 #[test]
@@ -153,8 +153,8 @@ fn telegrams_are_rejected_when_the_buffer_is_full() {
         bench.line(LineInput::Rx(&[n; 7]));
         bench.pass(50 * MS);
     }
-    assert_eq!(bench.count(CpCounter::Received), 3);
-    assert_eq!(bench.count(CpCounter::Rejected), 2);
+    assert_eq!(bench.count(Counter::TelegramsReceived), 3);
+    assert_eq!(bench.count(Counter::RejectedFull), 2);
     assert!(bench.log.leds.error);
     for n in 0..3u8 {
         assert_eq!(bench.fetch(), [n; 7]);
@@ -168,7 +168,11 @@ fn telegrams_are_rejected_when_the_buffer_is_full() {
         bench.line(LineInput::Rx(&text(600)));
         bench.pass(50 * MS);
     }
-    assert_eq!((bench.count(CpCounter::Received), bench.count(CpCounter::Rejected)), (1, 1), "1024 bytes in all");
+    assert_eq!(
+        (bench.count(Counter::TelegramsReceived), bench.count(Counter::RejectedFull)),
+        (1, 1),
+        "1024 bytes in all"
+    );
     assert_eq!(bench.fetch(), text(600));
 }
 
@@ -183,7 +187,7 @@ fn a_3964r_partner_is_refused_while_the_buffer_is_full() {
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0x02]));
     assert_eq!(bench.log.wire.tx, [0x10, 0x10, 0x15], "the next one meets a full buffer: NAK");
-    assert_eq!(bench.count(CpCounter::Rejected), 1);
+    assert_eq!(bench.count(Counter::RejectedFull), 1);
     assert_eq!(bench.fetch(), [0x55; 1024]);
     bench.line(LineInput::TxDone);
     bench.line(LineInput::Rx(&[0x02]));
@@ -205,7 +209,7 @@ fn repetitions_at_once_into_a_full_buffer_are_counted() {
         bench.line(LineInput::Rx(&[0x02]));
         bench.line(LineInput::TxDone);
         assert_eq!(bench.log.wire.tx.last(), Some(&0x15), "attempt {attempt}");
-        assert_eq!(bench.count(CpCounter::Rejected), attempt);
+        assert_eq!(bench.count(Counter::RejectedFull), attempt);
     }
     assert!(bench.log.leds.error, "overflow");
     assert_eq!(bench.fetch(), [0x55; 1024]);
@@ -235,7 +239,7 @@ fn a_character_that_could_not_be_read_lights_er_for_4_s() {
     bench.pass(100 * MS);
     assert!(bench.log.leds.error);
     assert_eq!(bench.rx(), 0, "no telegram with a hole in it");
-    assert_eq!(bench.count(CpCounter::ReceiveErrors), 1);
+    assert_eq!(bench.count(Counter::ReceiveErrors), 1);
     bench.pass(3_900 * MS);
     assert!(!bench.log.leds.error);
     assert_eq!(bench.due, None, "and then it rests");

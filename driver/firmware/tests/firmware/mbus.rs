@@ -1,6 +1,6 @@
 //! A CP with M-Bus: from the registers to the line and back.
 
-use ob1_firmware::{Cp as _, CpCounter, LineFault, LineInput};
+use ob1_firmware::{Counter, Cp as _, LineFault, LineInput};
 use ob1_params::Cp240;
 
 use crate::common::{Bench, MS};
@@ -31,7 +31,7 @@ fn the_example_of_the_manual() {
     assert!(bench.log.leds.receive);
     assert_eq!(bench.tx_echo(), 0);
     assert_eq!(bench.fetch(), [0, 8, 2, 0x72, 1, 2, 3]);
-    assert_eq!((bench.count(CpCounter::Sent), bench.count(CpCounter::Received)), (1, 1));
+    assert_eq!((bench.count(Counter::TelegramsSent), bench.count(Counter::TelegramsReceived)), (1, 1));
 }
 
 /// [S0 "Example RECEIVE data"]: of 18 bytes of user data and the response byte first 12, then the rest. (The manual
@@ -145,7 +145,7 @@ fn the_receive_buffer_has_2048_bytes() {
         bench.line(LineInput::TxDone);
         bench.line(LineInput::Rx(&answer(&[n; 252])));
     }
-    assert_eq!((bench.cp.received_waiting(), bench.count(CpCounter::Rejected)), (8, 0));
+    assert_eq!((bench.cp.received_waiting(), bench.count(Counter::RejectedFull)), (8, 0));
     let sent = bench.log.wire.tx.len();
     bench.hand_over(&[0xBD, 0x40, 2]);
     bench.pass(1000 * MS);

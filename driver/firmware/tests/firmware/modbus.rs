@@ -1,6 +1,6 @@
 //! The Modbus modes at the registers: ready without FC 9, master, slave short, slave long. `docs/cp240-registers.md`
 
-use ob1_firmware::{Cp as _, CpCounter, CpInput, Leds, LineInput};
+use ob1_firmware::{Counter, Cp as _, CpInput, Leds, LineInput};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Mode};
 
 use crate::common::{Bench, MS};
@@ -130,8 +130,8 @@ fn a_master_without_an_answer() {
     bench.pass(5 * MS);
     bench.line(LineInput::TxDone);
     assert_eq!(bench.tx_echo(), 0, "a broadcast is done with its last bit");
-    assert_eq!(bench.log.counters[&CpCounter::Sent], 1);
-    assert_eq!(bench.log.counters[&CpCounter::SendErrors], 1);
+    assert_eq!(bench.log.counters[&Counter::TelegramsSent], 1);
+    assert_eq!(bench.log.counters[&Counter::SendErrors], 1);
 }
 
 /// An order on a lost line ends as with a missing slave.
@@ -295,7 +295,7 @@ fn slave_long_hands_out_what_has_changed() {
     bench.line(LineInput::TxDone);
     assert_eq!(ask(&mut bench, &write), frame(&[5, 0x10, 0, 0, 0, 125]), "nothing has changed");
     assert_eq!(receive(&mut bench), None);
-    assert_eq!(bench.log.counters[&CpCounter::Delivered], 3);
+    assert_eq!(bench.log.counters[&Counter::TelegramsDelivered], 3);
 }
 
 /// The CPU's area is too short: exception 02h to the master. [S0 L2074]

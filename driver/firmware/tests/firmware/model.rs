@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use ob1_firmware::{Cp as _, CpCounter, CpInput, LineInput, Span};
+use ob1_firmware::{Counter, Cp as _, CpInput, LineInput, Span};
 use proptest::prelude::*;
 
 use crate::common;
@@ -131,9 +131,9 @@ proptest! {
         prop_assert_eq!(&bench.log.wire.tx, &orders.concat(), "each exactly once on the line");
         prop_assert_eq!(&cpu.fetched, &bench.log.received, "what the CP has received is what the CPU has fetched");
         prop_assert_eq!(bench.cp.received_waiting(), 0);
-        prop_assert_eq!(bench.count(CpCounter::OrdersAccepted), orders.len() as u64);
-        prop_assert_eq!(bench.count(CpCounter::Sent), orders.len() as u64);
-        prop_assert_eq!(bench.count(CpCounter::Delivered), cpu.fetched.len() as u64);
+        prop_assert_eq!(bench.count(Counter::OrdersAccepted), orders.len() as u64);
+        prop_assert_eq!(bench.count(Counter::TelegramsSent), orders.len() as u64);
+        prop_assert_eq!(bench.count(Counter::TelegramsDelivered), cpu.fetched.len() as u64);
     }
 
     #[test]
@@ -194,8 +194,8 @@ proptest! {
                 5 => bench.step(CpInput::Parameters(&bytes)),
                 _ => bench.pass(Span::from_nanos(time)),
             }
-            let orders = bench.count(CpCounter::OrdersAccepted);
-            let ended = [CpCounter::Sent, CpCounter::SendErrors, CpCounter::OrdersAborted].map(|c| bench.count(c));
+            let orders = bench.count(Counter::OrdersAccepted);
+            let ended = [Counter::TelegramsSent, Counter::SendErrors, Counter::OrdersAborted].map(|c| bench.count(c));
             prop_assert!((0..=1).contains(&(orders - ended.iter().sum::<u64>())), "one order at a time, each ends once");
         }
     }

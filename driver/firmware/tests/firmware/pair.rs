@@ -4,8 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use ob1_fakes::cp_port::{CpLog, Plug};
-use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, Instant, LineInput, Registers, Wire};
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
+use ob1_firmware::{Counter, Cp as _, Cp240, CpInput, Instant, LineInput, Registers, Wire};
+use ob1_line::sim::FaultRates;
 
 use crate::common::{MS, s3964r, word};
 
@@ -137,7 +138,7 @@ impl Station {
         self.orders.as_slice().is_empty() && self.sending.is_none() && self.cp.received_waiting() == 0
     }
 
-    fn count(&self, counter: CpCounter) -> u64 {
+    fn count(&self, counter: Counter) -> u64 {
         self.port.counter(counter)
     }
 }
@@ -245,9 +246,9 @@ fn assert_books_balance(sender: &Station, receiver: &Station, orders: &[Vec<u8>]
     assert_eq!(sender.ended.len(), orders.len(), "seed {seed}: every order ends");
     assert_eq!(receiver.fetched, receiver.port.received, "seed {seed}: the CPU has all that the CP had");
     let done = sender.ended.iter().filter(|e| e.is_none()).count() as u64;
-    assert_eq!(sender.count(CpCounter::Sent), done, "seed {seed}");
-    assert_eq!(sender.count(CpCounter::SendErrors), orders.len() as u64 - done, "seed {seed}");
-    assert_eq!(receiver.count(CpCounter::Received), receiver.count(CpCounter::Delivered), "seed {seed}");
+    assert_eq!(sender.count(Counter::TelegramsSent), done, "seed {seed}");
+    assert_eq!(sender.count(Counter::SendErrors), orders.len() as u64 - done, "seed {seed}");
+    assert_eq!(receiver.count(Counter::TelegramsReceived), receiver.count(Counter::TelegramsDelivered), "seed {seed}");
 }
 
 #[test]

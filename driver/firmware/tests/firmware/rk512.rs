@@ -1,7 +1,7 @@
 //! RK 512 at the registers: orders of the CPU, their results, orders of the partner, answers (docs/cp240-registers.md,
 //! "RK 512").
 
-use ob1_firmware::{Cp240, CpCounter, CpInput, LineFault, LineInput};
+use ob1_firmware::{Counter, Cp240, CpInput, LineFault, LineInput};
 
 use crate::common::{Bench, MS};
 
@@ -96,7 +96,7 @@ fn an_order_of_the_cpu_and_its_result() {
     cp.partner_takes(&[0, 0, b'E', b'D', 5, 1, 0, 6, 0xFF, 0xFF]);
     cp.partner_sends(&[0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 9, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
-    let counts = [CpCounter::OrdersAccepted, CpCounter::Sent, CpCounter::SendErrors].map(|c| cp.count(c));
+    let counts = [Counter::OrdersAccepted, Counter::TelegramsSent, Counter::SendErrors].map(|c| cp.count(c));
     assert_eq!(counts, [3, 2, 1]);
 }
 
@@ -156,7 +156,7 @@ fn an_order_of_the_partner_and_the_answer() {
     cp.line(LineInput::TxDone);
     cp.hand_over_framed(PARTNER, &[0, 3, 0, 0x32]);
     cp.partner_takes(&[0, 0, 0, 0x32]);
-    assert_eq!([CpCounter::Received, CpCounter::Delivered].map(|c| cp.count(c)), [3, 3]);
+    assert_eq!([Counter::TelegramsReceived, Counter::TelegramsDelivered].map(|c| cp.count(c)), [3, 3]);
 }
 
 #[test]
@@ -205,7 +205,10 @@ fn an_order_nobody_serves_is_refused_with_2a() {
     assert_eq!(cp.rx(), 0, "the echo still has its count");
     cp.put_rx(PARTNER);
     assert_eq!(cp.fetch_framed(PARTNER, PARTNER)[..2], [0, 3]);
-    assert_eq!([CpCounter::Received, CpCounter::Delivered, CpCounter::ReceiveAborted].map(|c| cp.count(c)), [3, 1, 2]);
+    assert_eq!(
+        [Counter::TelegramsReceived, Counter::TelegramsDelivered, Counter::ReceiveAborted].map(|c| cp.count(c)),
+        [3, 1, 2]
+    );
     // CPU in STOP: at once.
     cp.step(CpInput::CpuRun(false));
     cp.partner_takes(&[0, 0, 0, 0x2A]);
@@ -237,7 +240,7 @@ fn an_order_the_program_has_given_up_is_waited_for() {
     cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 8, 0, 0]);
-    assert_eq!([CpCounter::OrdersAccepted, CpCounter::Sent].map(|c| cp.count(c)), [2, 2]);
+    assert_eq!([Counter::OrdersAccepted, Counter::TelegramsSent].map(|c| cp.count(c)), [2, 2]);
 }
 
 #[test]
@@ -250,7 +253,7 @@ fn a_reset_drops_both_roles() {
     cp.put_rx(0);
     cp.synchronise();
     assert_eq!((cp.rx(), cp.tx_echo()), (0, 0));
-    let counts = [CpCounter::OrdersAborted, CpCounter::ReceiveAborted].map(|c| cp.count(c));
+    let counts = [Counter::OrdersAborted, Counter::ReceiveAborted].map(|c| cp.count(c));
     assert_eq!(counts, [1, 1]);
     cp.log.wire.tx.clear();
     cp.pass(10_000 * MS);
@@ -334,11 +337,11 @@ fn noise() {
     cp.put(0x8002, 0, &[]);
     cp.put(0, 0, &[]);
     cp.synchronise();
-    let books = [CpCounter::Sent, CpCounter::SendErrors, CpCounter::OrdersAborted].map(|c| cp.count(c));
-    assert_eq!(cp.count(CpCounter::OrdersAccepted), books.iter().sum::<u64>(), "{books:?}");
-    let books = [CpCounter::Delivered, CpCounter::ReceiveAborted].map(|c| cp.count(c));
-    assert_eq!(cp.count(CpCounter::Received), books.iter().sum::<u64>(), "{books:?}");
-    assert!(cp.count(CpCounter::OrdersAccepted) > 50 && books[0] > 5 && cp.count(CpCounter::Sent) > 0);
+    let books = [Counter::TelegramsSent, Counter::SendErrors, Counter::OrdersAborted].map(|c| cp.count(c));
+    assert_eq!(cp.count(Counter::OrdersAccepted), books.iter().sum::<u64>(), "{books:?}");
+    let books = [Counter::TelegramsDelivered, Counter::ReceiveAborted].map(|c| cp.count(c));
+    assert_eq!(cp.count(Counter::TelegramsReceived), books.iter().sum::<u64>(), "{books:?}");
+    assert!(cp.count(Counter::OrdersAccepted) > 50 && books[0] > 5 && cp.count(Counter::TelegramsSent) > 0);
     cp.log.wire.tx.clear();
     cp.hand_over_framed(OWN, &SEND);
     cp.log.wire.tx = vec![0x02];

@@ -1,6 +1,6 @@
 //! Start-up identifier, reset request, parameters: every row of the table in docs/cp240-registers.md.
 
-use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, LineInput};
+use ob1_firmware::{Counter, Cp as _, Cp240, CpInput, LineInput};
 
 use crate::common::{Bench, MS, ascii, s3964r};
 
@@ -66,7 +66,7 @@ fn until_then_it_sends_nothing_keeps_nothing_and_takes_no_order() {
     bench.pass(1_000 * MS);
     assert_eq!(bench.rx(), 0, "what came before is not kept");
     assert!(bench.log.wire.tx.is_empty());
-    assert_eq!(bench.count(CpCounter::OrdersAccepted), 0);
+    assert_eq!(bench.count(Counter::OrdersAccepted), 0);
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn a_reset_request_is_answered_in_every_state_and_once() {
     bench.hand_over(b"order");
     bench.put_rx(0x8002);
     assert_eq!((bench.rx(), bench.tx_echo()), (0x8001, 0x8002));
-    assert_eq!(bench.count(CpCounter::OrdersAborted), 1);
+    assert_eq!(bench.count(Counter::OrdersAborted), 1);
     bench.pass(5_000 * MS);
     assert_eq!(bench.log.wire.tx, [0x02], "the STX that was out; nothing after the reset");
     // The request is still in the registers, but it has been answered.
@@ -138,7 +138,7 @@ fn a_reset_request_is_answered_in_every_state_and_once() {
     bench.line(LineInput::Rx(b"two"));
     bench.pass(100 * MS);
     bench.put(0x8002, 0, &[]);
-    assert_eq!(bench.count(CpCounter::ReceiveAborted), 2);
+    assert_eq!(bench.count(Counter::ReceiveAborted), 2);
     bench.synchronise();
     assert_eq!(bench.rx(), 0, "both directions are empty");
 }
@@ -180,5 +180,5 @@ fn without_configuration_it_runs_9600_8e1_ascii() {
     assert_eq!(bench.rx(), 3, "ZVZ is 200 ms");
     bench.line(LineInput::Rx(b"two"));
     bench.pass(300 * MS);
-    assert_eq!(bench.count(CpCounter::Rejected), 1, "there is one receive buffer");
+    assert_eq!(bench.count(Counter::RejectedFull), 1, "there is one receive buffer");
 }

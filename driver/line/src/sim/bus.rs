@@ -1,10 +1,9 @@
 //! A simulated line with any number of participants: two on a cable, or many on a two-wire RS-485 bus.
 //!
-//! Like [`SimLine`](super::SimLine) it keeps the time of every character and draws faults from a seed; with two
-//! participants, full duplex and the same seed it gives the same events. In addition, each participant has its own
-//! character frame, and one that receives with another baud rate or parity gets faults; on a two-wire line all
-//! receives everybody, a sender does not receive, and two senders at the same time corrupt both; a participant may send
-//! a break; faults may come in bursts.
+//! It keeps the time of every character and draws faults from a seed. Each participant has its own character frame, and
+//! one that receives with another baud rate or parity gets faults; on a two-wire line each receives everybody, a sender
+//! does not receive, and two senders at the same time corrupt both; a participant may send a break; faults may come in
+//! bursts.
 
 use std::collections::VecDeque;
 
@@ -98,7 +97,6 @@ pub enum BusEvent {
 impl BusEvent {
     /// The event as input of a protocol machine, with the buffer of the event. `None` for modem lines, which a protocol
     /// on a bus does not get.
-    #[must_use]
     pub fn input(self, buffer: &[u8]) -> Option<LineInput<'_>> {
         Some(match self {
             Self::Rx(len) => LineInput::Rx(buffer.get(..len)?),
@@ -495,5 +493,4 @@ impl SimBus {
 }
 
 #[cfg(test)]
-#[path = "bus_tests.rs"]
 mod tests;

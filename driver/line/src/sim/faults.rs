@@ -6,7 +6,7 @@ use ob1_serial::FaultRates;
 
 impl Fate {
     /// What happens to the next character.
-    pub(super) fn of(rates: &FaultRates, rng: &mut SplitMix64) -> Self {
+    pub fn of(rates: &FaultRates, rng: &mut SplitMix64) -> Self {
         if *rates == FaultRates::NONE {
             return Fate::Whole;
         }
@@ -39,11 +39,17 @@ impl Fate {
 
 /// What happens to a character.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Fate {
+pub enum Fate {
+    /// It arrives as it was sent.
     Whole,
+    /// Some of its bits arrive inverted: those of this mask.
     Flip(u8),
+    /// It does not arrive.
     Lost,
+    /// It arrives twice.
     Doubled,
+    /// It arrives so much later.
     Late(Span),
+    /// Something arrives that cannot be read.
     Unreadable(LineFault),
 }

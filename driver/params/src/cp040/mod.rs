@@ -101,12 +101,6 @@ impl Cp040 {
         keys
     }
 
-    /// The parameters in words, one line each: key, value, meaning.
-    pub fn describe(&self) -> String {
-        let (layout, keys) = self.rows();
-        CP040.describe(self.common.protocol_name(), layout, &keys)
-    }
-
     fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
         let (layout, mut rows) = self.common.rows();
         rows.extend([
@@ -225,7 +219,6 @@ mod tests {
             assert_eq!((bytes[0], bytes[1], bytes[14], bytes[15]), (0x10, *code, 1, 1), "{name}");
             assert_eq!(Cp040::decode(&bytes).expect(name), cp);
             assert_eq!(Cp040::from_keys(cp.to_keys()).expect(name), cp);
-            assert!(cp.describe().contains("109700"));
         }
     }
 

@@ -16,11 +16,11 @@ mod receive;
 
 use crate::duplex::Duplex;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{Input, Instant, Machine, Sink, Span, TELEGRAM_MAX};
+use crate::machine::{Span, TELEGRAM_MAX};
 pub use crate::output::Flags;
 use crate::output::{Extent, Rules};
 use crate::signals::Times;
-use receive::Receive;
+pub use receive::Receive;
 
 /// Bytes in a block of ASCII-fragmented: one exchange over the back plane carries as many.
 pub const FRAGMENT: usize = 12;
@@ -119,35 +119,11 @@ impl Config {
 }
 
 /// The ASCII procedure with a send and a receive buffer of `N` bytes each.
-#[derive(Clone, Debug)]
-pub struct Ascii<const N: usize = TELEGRAM_MAX> {
-    config: Config,
-    line: Duplex<Receive<N>, N>,
-}
+pub type Ascii<const N: usize = TELEGRAM_MAX> = Duplex<Receive<N>, N>;
 
 impl<const N: usize> Ascii<N> {
     /// A machine before its first step.
-    pub fn new(config: Config) -> Self {
-        let line = Duplex::new(config.rules(), Receive::new(config.criterion, config.zvz()));
-        Self { config, line }
-    }
-
-    /// The configuration it was made with.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-}
-
-impl<const N: usize> Machine for Ascii<N> {
-    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
-        self.line.step(now, input, out)
-    }
-
-    fn busy(&self) -> bool {
-        self.line.is_busy()
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.line.is_stopped()
+    pub fn new(config: &Config) -> Self {
+        Duplex::of(config.rules(), Receive::new(config.criterion, config.zvz()))
     }
 }

@@ -60,7 +60,7 @@ impl Coming {
 
 /// The receiving half, with a buffer of `N` bytes.
 #[derive(Clone, Debug)]
-pub(super) struct Receive<const N: usize> {
+pub struct Receive<const N: usize> {
     criterion: Criterion,
     zvz: Span,
     coming: Option<Coming>,

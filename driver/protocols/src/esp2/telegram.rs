@@ -167,35 +167,34 @@ impl Command {
     }
 
     fn write(&self) -> Bytes {
-        let bare = |org| compose(COMMAND, org, &[]);
+        let (org, _) = self.row();
         match *self {
-            Self::RdIdBase => bare(0x58),
-            Self::SetIdBase(base) => compose(COMMAND, 0x18, &base.to_be_bytes()),
-            Self::SetRxSensitivity(high) => compose(COMMAND, 0x08, &[high.into()]),
-            Self::RdRxSensitivity => bare(0x48),
-            Self::Sleep => bare(0x09),
-            Self::Reset => bare(0x0A),
-            Self::ModemOn(id) => compose(COMMAND, 0x28, &id.to_be_bytes()),
-            Self::ModemOff => bare(0x2A),
-            Self::RdModemStatus => bare(0x68),
-            Self::RdSwVer => bare(0x4B),
+            Self::SetIdBase(base) => compose(COMMAND, org, &base.to_be_bytes()),
+            Self::SetRxSensitivity(high) => compose(COMMAND, org, &[high.into()]),
+            Self::ModemOn(id) => compose(COMMAND, org, &id.to_be_bytes()),
+            _ => compose(COMMAND, org, &[]),
+        }
+    }
+
+    /// ORG, and the manual's name of the command.
+    const fn row(&self) -> (u8, &'static str) {
+        match self {
+            Self::RdIdBase => (0x58, "RD_IDBASE"),
+            Self::SetIdBase(_) => (0x18, "SET_IDBASE"),
+            Self::SetRxSensitivity(_) => (0x08, "SET_RX_SENSITIVITY"),
+            Self::RdRxSensitivity => (0x48, "RD_RX_SENSITIVITY"),
+            Self::Sleep => (0x09, "SLEEP"),
+            Self::Reset => (0x0A, "RESET"),
+            Self::ModemOn(_) => (0x28, "MODEM_ON"),
+            Self::ModemOff => (0x2A, "MODEM_OFF"),
+            Self::RdModemStatus => (0x68, "RD_MODEM_STATUS"),
+            Self::RdSwVer => (0x4B, "RD_SW_VER"),
         }
     }
 
     /// The manual's name of the command.
     pub const fn name(&self) -> &'static str {
-        match self {
-            Self::RdIdBase => "RD_IDBASE",
-            Self::SetIdBase(_) => "SET_IDBASE",
-            Self::SetRxSensitivity(_) => "SET_RX_SENSITIVITY",
-            Self::RdRxSensitivity => "RD_RX_SENSITIVITY",
-            Self::Sleep => "SLEEP",
-            Self::Reset => "RESET",
-            Self::ModemOn(_) => "MODEM_ON",
-            Self::ModemOff => "MODEM_OFF",
-            Self::RdModemStatus => "RD_MODEM_STATUS",
-            Self::RdSwVer => "RD_SW_VER",
-        }
+        self.row().1
     }
 }
 
@@ -224,49 +223,45 @@ impl Message {
     }
 
     fn write(&self) -> Bytes {
-        let bare = |org| compose(MESSAGE, org, &[]);
+        let (org, _) = self.row();
         match *self {
-            Self::InfInit(text) => compose(MESSAGE, 0x89, &text),
-            Self::Ok => bare(0x58),
-            Self::Err => bare(0x19),
-            Self::InfIdBase(base) => compose(MESSAGE, 0x98, &base.to_be_bytes()),
-            Self::InfRxSensitivity(high) => compose(MESSAGE, 0x88, &[high.into()]),
+            Self::InfInit(text) => compose(MESSAGE, org, &text),
+            Self::InfIdBase(base) => compose(MESSAGE, org, &base.to_be_bytes()),
+            Self::InfRxSensitivity(high) => compose(MESSAGE, org, &[high.into()]),
             Self::InfModemStatus { on, id } => {
                 let [msb, lsb] = id.to_be_bytes();
-                compose(MESSAGE, 0xA8, &[on.into(), msb, lsb])
+                compose(MESSAGE, org, &[on.into(), msb, lsb])
             }
-            Self::InfSwVer(version) => compose(MESSAGE, 0x8C, &version),
-            Self::ErrModemNotWantedAck => bare(0x28),
-            Self::ErrModemNotAck => bare(0x29),
-            Self::ErrModemDupId => bare(0x0C),
-            Self::ErrSyntax(field) => bare(match field {
-                Field::HSeq => 0x08,
-                Field::Length => 0x09,
-                Field::ChkSum => 0x0A,
-                Field::Org => 0x0B,
-            }),
-            Self::ErrTxIdRange => bare(0x22),
-            Self::ErrIdRange => bare(0x1A),
+            Self::InfSwVer(version) => compose(MESSAGE, org, &version),
+            _ => compose(MESSAGE, org, &[]),
+        }
+    }
+
+    /// ORG, and the manual's name of the message.
+    const fn row(&self) -> (u8, &'static str) {
+        match self {
+            Self::InfInit(_) => (0x89, "INF_INIT"),
+            Self::Ok => (0x58, "OK"),
+            Self::Err => (0x19, "ERR"),
+            Self::InfIdBase(_) => (0x98, "INF_IDBASE"),
+            Self::InfRxSensitivity(_) => (0x88, "INF_RX_SENSITIVITY"),
+            Self::InfModemStatus { .. } => (0xA8, "INF_MODEM_STATUS"),
+            Self::InfSwVer(_) => (0x8C, "INF_SW_VER"),
+            Self::ErrModemNotWantedAck => (0x28, "ERR_MODEM_NOTWANTEDACK"),
+            Self::ErrModemNotAck => (0x29, "ERR_MODEM_NOTACK"),
+            Self::ErrModemDupId => (0x0C, "ERR_MODEM_DUP_ID"),
+            Self::ErrSyntax(Field::HSeq) => (0x08, "ERR_SYNTAX"),
+            Self::ErrSyntax(Field::Length) => (0x09, "ERR_SYNTAX"),
+            Self::ErrSyntax(Field::ChkSum) => (0x0A, "ERR_SYNTAX"),
+            Self::ErrSyntax(Field::Org) => (0x0B, "ERR_SYNTAX"),
+            Self::ErrTxIdRange => (0x22, "ERR_TX_IDRANGE"),
+            Self::ErrIdRange => (0x1A, "ERR_IDRANGE"),
         }
     }
 
     /// The manual's name of the message.
     pub const fn name(&self) -> &'static str {
-        match self {
-            Self::InfInit(_) => "INF_INIT",
-            Self::Ok => "OK",
-            Self::Err => "ERR",
-            Self::InfIdBase(_) => "INF_IDBASE",
-            Self::InfRxSensitivity(_) => "INF_RX_SENSITIVITY",
-            Self::InfModemStatus { .. } => "INF_MODEM_STATUS",
-            Self::InfSwVer(_) => "INF_SW_VER",
-            Self::ErrModemNotWantedAck => "ERR_MODEM_NOTWANTEDACK",
-            Self::ErrModemNotAck => "ERR_MODEM_NOTACK",
-            Self::ErrModemDupId => "ERR_MODEM_DUP_ID",
-            Self::ErrSyntax(_) => "ERR_SYNTAX",
-            Self::ErrTxIdRange => "ERR_TX_IDRANGE",
-            Self::ErrIdRange => "ERR_IDRANGE",
-        }
+        self.row().1
     }
 }
 

@@ -31,8 +31,6 @@ use frame::{FRAME_MAX, Frame, FrameError, Progress, SINGLE, USER_MAX};
 
 /// Longest response telegram, bytes: response byte, C, A, CI field, user data.
 pub const RESPONSE_MAX: usize = 4 + USER_MAX;
-/// Longest telegram of the program, bytes: baud rate, C, A, CI field, user data. [S0 "Overview of M-Bus telegrams"]
-pub const ORDER_MAX: usize = 4 + USER_MAX;
 
 /// Response byte: a valid answer.
 pub const ANSWERED: u8 = 0x00;

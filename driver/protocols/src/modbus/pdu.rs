@@ -6,6 +6,8 @@
 
 use core::ops::Range;
 
+use ob1_words::codes;
+
 /// Bytes of a register.
 pub const REGISTER_BYTES: usize = 2;
 /// Bytes of a register with 32-bit extensions.
@@ -27,8 +29,7 @@ pub const READ_BITS_MAX: u16 = 2000;
 pub const WRITE_BITS_MAX: u16 = 1968;
 /// As [`READ_BITS_MAX`]: 03h, 04h, and what 17h reads.
 pub const READ_WORDS_MAX: u16 = 125;
-/// Maximum of words that one request 10h writes (see [`READ_BITS_MAX`]).
-pub const WRITE_WORDS_MAX: u16 = 123;
+
 /// As [`READ_BITS_MAX`]: what 17h writes.
 pub const READ_WRITE_WORDS_MAX: u16 = 121;
 
@@ -63,44 +64,29 @@ pub const fn exception_remedy(code: u8) -> &'static str {
     }
 }
 
-/// The function codes of the manual.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Function {
-    /// 01h: read n bits of the master output area 0x.
-    ReadOutputBits = 0x01,
-    /// 02h: read n bits of the master input area 1x.
-    ReadInputBits = 0x02,
-    /// 03h: read n words of the master output area 4x.
-    ReadOutputWords = 0x03,
-    /// 04h: read n words of the master input area 3x.
-    ReadInputWords = 0x04,
-    /// 05h: write 1 bit to the master output area 0x.
-    WriteBit = 0x05,
-    /// 06h: write 1 word to the master output area 4x.
-    WriteWord = 0x06,
-    /// 0Fh: write n bits to the master output area 0x.
-    WriteBits = 0x0F,
-    /// 10h: write n words to the master output area 4x.
-    WriteWords = 0x10,
+codes! {
+    /// The function codes of the manual.
+    Function {
+        /// 01h: read n bits of the master output area 0x.
+        ReadOutputBits = 0x01,
+        /// 02h: read n bits of the master input area 1x.
+        ReadInputBits = 0x02,
+        /// 03h: read n words of the master output area 4x.
+        ReadOutputWords = 0x03,
+        /// 04h: read n words of the master input area 3x.
+        ReadInputWords = 0x04,
+        /// 05h: write 1 bit to the master output area 0x.
+        WriteBit = 0x05,
+        /// 06h: write 1 word to the master output area 4x.
+        WriteWord = 0x06,
+        /// 0Fh: write n bits to the master output area 0x.
+        WriteBits = 0x0F,
+        /// 10h: write n words to the master output area 4x.
+        WriteWords = 0x10,
+    }
 }
 
 impl Function {
-    /// The function of a code.
-    pub const fn of(code: u8) -> Option<Self> {
-        Some(match code {
-            0x01 => Self::ReadOutputBits,
-            0x02 => Self::ReadInputBits,
-            0x03 => Self::ReadOutputWords,
-            0x04 => Self::ReadInputWords,
-            0x05 => Self::WriteBit,
-            0x06 => Self::WriteWord,
-            0x0F => Self::WriteBits,
-            0x10 => Self::WriteWords,
-            _ => return None,
-        })
-    }
-
     /// "Only write commands may be sent as broadcast." [S0 L2051]
     pub const fn writes(self) -> bool {
         matches!(self, Self::WriteBit | Self::WriteWord | Self::WriteBits | Self::WriteWords)

@@ -4,6 +4,8 @@
 //! Layout of the source area: slave address, function code, then words, as in the manual's tables. Bytes after the last
 //! one needed are ignored: "the data length LEN may exceed the required amount". [S4 L1622]
 
+use ob1_words::codes;
+
 use super::{TELEGRAM_BYTES, number};
 
 /// Set in the function code of the source area: the job is about registers of four bytes. [S4 L840]
@@ -15,58 +17,37 @@ pub const BROADCAST: u8 = 0;
 /// Longest source area, bytes. [S4 L1742]
 pub const SOURCE_MAX: usize = 4096;
 
-/// The function codes. [S4 "Function Code"]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Function {
-    /// 01, Read Coils: bits of the output area.
-    ReadCoils = 1,
-    /// 02, Read Discrete Inputs.
-    ReadInputs = 2,
-    /// 03, Read Holding Registers.
-    ReadHoldingRegisters = 3,
-    /// 04, Read Input Registers.
-    ReadInputRegisters = 4,
-    /// 05, Write Single Coil.
-    WriteCoil = 5,
-    /// 06, Preset Single Register.
-    WriteRegister = 6,
-    /// 07, Read Exception Status.
-    ReadExceptionStatus = 7,
-    /// 08, Loop Back Diagnostic Test.
-    LoopBack = 8,
-    /// 11, Fetch Communications Event Counter.
-    EventCounter = 11,
-    /// 12, Fetch Communications Event Log.
-    EventLog = 12,
-    /// 15, Write Multiple Coils.
-    WriteCoils = 15,
-    /// 16, Write Multiple Registers.
-    WriteRegisters = 16,
+codes! {
+    /// The function codes. [S4 "Function Code"]
+    Function {
+        /// 01, Read Coils: bits of the output area.
+        ReadCoils = 1,
+        /// 02, Read Discrete Inputs.
+        ReadInputs = 2,
+        /// 03, Read Holding Registers.
+        ReadHoldingRegisters = 3,
+        /// 04, Read Input Registers.
+        ReadInputRegisters = 4,
+        /// 05, Write Single Coil.
+        WriteCoil = 5,
+        /// 06, Preset Single Register.
+        WriteRegister = 6,
+        /// 07, Read Exception Status.
+        ReadExceptionStatus = 7,
+        /// 08, Loop Back Diagnostic Test.
+        LoopBack = 8,
+        /// 11, Fetch Communications Event Counter.
+        EventCounter = 11,
+        /// 12, Fetch Communications Event Log.
+        EventLog = 12,
+        /// 15, Write Multiple Coils.
+        WriteCoils = 15,
+        /// 16, Write Multiple Registers.
+        WriteRegisters = 16,
+    }
 }
 
 impl Function {
-    /// All functions, by rising code.
-    pub const ALL: [Self; 12] = [
-        Self::ReadCoils,
-        Self::ReadInputs,
-        Self::ReadHoldingRegisters,
-        Self::ReadInputRegisters,
-        Self::WriteCoil,
-        Self::WriteRegister,
-        Self::ReadExceptionStatus,
-        Self::LoopBack,
-        Self::EventCounter,
-        Self::EventLog,
-        Self::WriteCoils,
-        Self::WriteRegisters,
-    ];
-
-    /// The function of a code.
-    pub fn of(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|function| *function as u8 == code)
-    }
-
     /// "Broadcast Messages are only permitted in conjunction with writing Function Codes 05, 06, 15, and 16."
     /// [S4 "Broadcast Message"]
     pub const fn writes(self) -> bool {

@@ -70,7 +70,6 @@ pub enum Block<'a> {
 
 impl<'a> Diagnosis<'a> {
     /// A diagnosis of received bytes; `None` if they are too few.
-    #[must_use]
     pub const fn new(bytes: &'a [u8]) -> Option<Self> {
         if bytes.len() < STANDARD_BYTES { None } else { Some(Self(bytes)) }
     }
@@ -80,43 +79,31 @@ impl<'a> Diagnosis<'a> {
     }
 
     /// The slave is not ready for data.
-    #[must_use]
     pub fn not_ready(self) -> bool {
         self.bit(0, 0x02)
     }
 
     /// The slave does not accept its configuration.
-    #[must_use]
     pub fn configuration_fault(self) -> bool {
         self.bit(0, 0x04)
     }
 
     /// The slave reports faults of its own.
-    #[must_use]
     pub fn has_faults(self) -> bool {
         self.bit(0, 0x08)
     }
 
     /// The slave does not accept its parameters.
-    #[must_use]
     pub fn parameter_fault(self) -> bool {
         self.bit(0, 0x40)
     }
 
-    /// The slave has no parameters.
-    #[must_use]
-    pub fn wants_parameters(self) -> bool {
-        self.bit(1, 0x01)
-    }
-
     /// The master that controls the slave.
-    #[must_use]
     pub fn master(self) -> Option<u8> {
         self.0.get(3).copied().filter(|master| *master != 0xFF)
     }
 
     /// The slave's ident number.
-    #[must_use]
     pub fn ident(self) -> u16 {
         match *self.0 {
             [_, _, _, _, high, low, ..] => u16::from_be_bytes([high, low]),
@@ -171,7 +158,6 @@ impl<'a> Diagnosis<'a> {
 
     /// Why the slave does not exchange data; `None` if the diagnosis does not tell. `ours` is our address, `ident` the
     /// expected ident number.
-    #[must_use]
     pub fn refusal(self, ours: u8, ident: u16) -> Option<Refused> {
         if self.ident() != ident {
             return Some(Refused::Ident(self.ident()));
@@ -220,7 +206,6 @@ pub enum Refused {
 
 impl Refused {
     /// What is wrong, and what helps.
-    #[must_use]
     pub const fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Ident(_) => (
@@ -289,7 +274,6 @@ impl fmt::Display for Diagnosis<'_> {
 }
 
 /// What an error type of a channel means.
-#[must_use]
 pub fn channel_error(error: u8) -> &'static str {
     let known = CHANNEL_ERRORS.iter().find(|(number, _)| *number == error);
     known.map_or(if error >= 16 { "error of the device" } else { "reserved error" }, |(_, words)| words)

@@ -46,7 +46,6 @@ pub mod sap {
     pub const CHECK_CONFIG: u8 = 62;
 
     /// The name of the service.
-    #[must_use]
     pub const fn text(sap: Option<u8>) -> &'static str {
         match sap {
             None => "Data_Exchange",
@@ -92,7 +91,6 @@ pub mod function {
     pub const DATA_HIGH: u8 = 10;
 
     /// The function code of a request or an answer, in words.
-    #[must_use]
     pub const fn text(fc: u8) -> &'static str {
         if fc & REQUEST != 0 {
             return match fc & 0x0F {

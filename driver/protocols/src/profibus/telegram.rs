@@ -65,7 +65,6 @@ pub enum Parsed<'a> {
 
 /// Reads the telegram at the beginning of `bytes`. All the standard's means to detect damage are checked: delimiters at
 /// both ends, both lengths, the check sum. Parity is checked by the receiver.
-#[must_use]
 pub fn parse(bytes: &[u8]) -> Parsed<'_> {
     let (first, len) = match *bytes {
         [] => return Parsed::More,

@@ -2,6 +2,8 @@
 //!
 //! Bytes are counted from 1, as the Siemens texts do. [S0 "Structure of the output message"] counts them from 0.
 
+use ob1_words::codes;
+
 /// Bytes of an order's header.
 pub const HEADER: usize = 10;
 /// Bytes of the header of a follow-on telegram, and of a reaction.
@@ -43,41 +45,31 @@ pub enum Command {
     Fetch,
 }
 
-/// The area of the data in the serving station.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Area {
-    /// Data block DB; counts in words.
-    Db,
-    /// Extended data block DX; counts in words.
-    Dx,
-    /// Inputs E; count in bytes.
-    Inputs,
-    /// Outputs A; count in bytes.
-    Outputs,
-    /// Bit memory M; counts in bytes.
-    Memory,
-    /// Counters Z; two bytes each.
-    Counters,
-    /// Timers T; two bytes each.
-    Timers,
+codes! {
+    /// The area of the data in the serving station, by its letter in the fourth byte: D X E A M Z T.
+    /// [CP 341 manual 09/2008, p. 51]
+    Area {
+        /// Data block DB; counts in words.
+        Db = b'D',
+        /// Extended data block DX; counts in words.
+        Dx = b'X',
+        /// Inputs E; count in bytes.
+        Inputs = b'E',
+        /// Outputs A; count in bytes.
+        Outputs = b'A',
+        /// Bit memory M; counts in bytes.
+        Memory = b'M',
+        /// Counters Z; two bytes each.
+        Counters = b'Z',
+        /// Timers T; two bytes each.
+        Timers = b'T',
+    }
 }
 
 impl Area {
-    /// All areas, each once.
-    pub const ALL: [Self; 7] =
-        [Self::Db, Self::Dx, Self::Inputs, Self::Outputs, Self::Memory, Self::Counters, Self::Timers];
-
-    /// Its letter in the fourth byte: D X E A M Z T. [CP 341 manual 09/2008, p. 51]
+    /// Its letter.
     pub const fn letter(self) -> u8 {
-        match self {
-            Self::Db => b'D',
-            Self::Dx => b'X',
-            Self::Inputs => b'E',
-            Self::Outputs => b'A',
-            Self::Memory => b'M',
-            Self::Counters => b'Z',
-            Self::Timers => b'T',
-        }
+        self as u8
     }
 
     /// Bytes of one unit of the length: words for D, X, Z, T, bytes for M, E, A. [CP 341 manual 09/2008, p. 51]
@@ -86,11 +78,6 @@ impl Area {
             Self::Inputs | Self::Outputs | Self::Memory => 1,
             _ => 2,
         }
-    }
-
-    /// The area of a letter.
-    pub fn of_letter(letter: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|area| area.letter() == letter)
     }
 }
 
@@ -215,7 +202,7 @@ fn letters(command: u8, area: u8) -> Result<(Command, Area), Malformed> {
     match (command, area) {
         (b'A', b'D') => Ok((Command::Send, Area::Db)),
         (b'A', b'X') | (b'O', b'D') => Ok((Command::Send, Area::Dx)),
-        (b'E', letter) => Area::of_letter(letter).map(|area| (Command::Fetch, area)).ok_or(Malformed::AreaLetter),
+        (b'E', letter) => Area::of(letter).map(|area| (Command::Fetch, area)).ok_or(Malformed::AreaLetter),
         (b'A' | b'O', _) => Err(Malformed::AreaLetter),
         _ => Err(Malformed::CommandLetter),
     }

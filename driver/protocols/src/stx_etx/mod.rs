@@ -19,7 +19,7 @@ mod decoder;
 
 use crate::duplex::{Duplex, Receiver};
 use crate::flow::Flow;
-use crate::machine::{Event, Input, Instant, Machine, Phase, Sink, Span, TELEGRAM_MAX, What};
+use crate::machine::{Event, Instant, Phase, Sink, Span, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
 use crate::output::{Extent, Rules};
 pub use decoder::{Decoder, Step};
@@ -59,15 +59,11 @@ impl Config {
 }
 
 /// The STX/ETX procedure with a send and a receive buffer of `N` bytes each.
-#[derive(Clone, Debug)]
-pub struct StxEtx<const N: usize = TELEGRAM_MAX> {
-    config: Config,
-    line: Duplex<Receive<N>, N>,
-}
+pub type StxEtx<const N: usize = TELEGRAM_MAX> = Duplex<Receive<N>, N>;
 
 impl<const N: usize> StxEtx<N> {
     /// A machine before its first step.
-    pub fn new(config: Config) -> Self {
+    pub fn new(config: &Config) -> Self {
         let rules = Rules {
             start: config.start,
             end: config.end,
@@ -79,33 +75,13 @@ impl<const N: usize> StxEtx<N> {
             pause: Span::ZERO,
             signals: None,
         };
-        let line = Duplex::new(rules, Receive::new(&config));
-        Self { config, line }
-    }
-
-    /// The configuration it was made with.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-}
-
-impl<const N: usize> Machine for StxEtx<N> {
-    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
-        self.line.step(now, input, out)
-    }
-
-    fn busy(&self) -> bool {
-        self.line.is_busy()
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.line.is_stopped()
+        Duplex::of(rules, Receive::new(config))
     }
 }
 
 /// The receiving half, with a buffer of `N` bytes.
 #[derive(Clone, Debug)]
-struct Receive<const N: usize> {
+pub struct Receive<const N: usize> {
     tmo: Span,
     /// There are end characters; otherwise silence ends a telegram.
     has_end: bool,

@@ -66,7 +66,6 @@ pub enum Names {
 
 impl<'a> Meaning<'a> {
     /// User data, where there are any.
-    #[must_use]
     pub const fn payload(&self) -> Option<&'a [u8]> {
         match *self {
             Self::Block { payload, .. } | Self::Telegram(payload) => Some(payload),

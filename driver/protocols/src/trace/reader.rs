@@ -134,19 +134,16 @@ pub struct Reader {
 
 impl Reader {
     /// A reader of a quiet line.
-    #[must_use]
     pub fn new(dialect: Dialect) -> Self {
         Self { dialect, sides: [Side::new(), Side::new()], asked: (0, false) }
     }
 
     /// The protocol it expects.
-    #[must_use]
     pub const fn dialect(&self) -> &Dialect {
         &self.dialect
     }
 
     /// When the oldest unfinished telegram began.
-    #[must_use]
     pub fn open_since(&self) -> Option<Instant> {
         self.sides.iter().filter(|side| side.len > 0).map(|side| side.begin).min()
     }

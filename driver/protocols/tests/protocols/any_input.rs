@@ -214,7 +214,7 @@ proptest! {
         let signals = (signals && flow != ascii::Flow::Hardware).then_some(Times { rts_off: 30 * MS, output_wait: 50 * MS });
         let (zna, pause) = (zna * 20 * MS, pause * 20 * MS);
         let config = ascii::Config { criterion, flow, zna, pause, signals, ..defaults::ascii(MS) };
-        drive(&mut Ascii::<1024>::new(config), &steps);
+        drive(&mut Ascii::<1024>::new(&config), &steps);
     }
 
     #[test]
@@ -255,6 +255,6 @@ proptest! {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
         let (start, end) = (Flags::new([0x02, 0x10], start), Flags::new(if same { [0x02, 0x10] } else { [0x03, 0x15] }, end));
         let config = stx_etx::Config { flow, start, end, zna: zna * 20 * MS, ..defaults::stx_etx(MS) };
-        drive(&mut StxEtx::<1024>::new(config), &steps);
+        drive(&mut StxEtx::<1024>::new(&config), &steps);
     }
 }

@@ -10,7 +10,7 @@ fn config() -> Config {
     defaults::ascii(MS)
 }
 
-fn run(config: Config, table: &str) {
+fn run(config: &Config, table: &str) {
     check(&mut Ascii::<1024>::new(config), table);
 }
 
@@ -18,7 +18,7 @@ fn run(config: Config, table: &str) {
 #[test]
 fn an_order_is_done_zna_after_the_last_bit() {
     run(
-        Config { zna: 60 * MS, ..config() },
+        &Config { zna: 60 * MS, ..config() },
         "0   start
          0   order 41 42 43 => tx 41 42 43
          1   order 44 => sent Busy
@@ -31,7 +31,7 @@ fn an_order_is_done_zna_after_the_last_bit() {
          280 timeout => got 45",
     );
     run(
-        config(),
+        &config(),
         "0 start
          0 order 41 => tx 41
          1 done => sent ok
@@ -44,7 +44,7 @@ fn an_order_is_done_zna_after_the_last_bit() {
 #[test]
 fn a_telegram_ends_with_zvz() {
     run(
-        config(),
+        &config(),
         "0   start
          10  rx 41
          209 rx 42 43
@@ -58,7 +58,7 @@ fn a_telegram_ends_with_zvz() {
 #[test]
 fn zvz_of_zero_is_two_characters() {
     run(
-        Config { zvz: Span::ZERO, ..config() },
+        &Config { zvz: Span::ZERO, ..config() },
         "0  start
          10 rx 41
          11 rx 42
@@ -70,7 +70,7 @@ fn zvz_of_zero_is_two_characters() {
 #[test]
 fn no_receive_buffer() {
     run(
-        config(),
+        &config(),
         "0   start
          0   room 0
          10  rx 41 => !Receive: NoBuffer
@@ -86,7 +86,7 @@ fn no_receive_buffer() {
 #[test]
 fn telegram_length() {
     run(
-        config(),
+        &config(),
         "0    start
          10   rx 1024*41
          210  timeout => got 1024*41
@@ -106,7 +106,7 @@ fn telegram_length() {
 #[test]
 fn line_faults() {
     run(
-        config(),
+        &config(),
         "0   start
          10  rx 41
          11  fault Parity => !Receive: Line(Parity)
@@ -125,7 +125,7 @@ fn line_faults() {
 #[test]
 fn fragments() {
     run(
-        Config { criterion: Criterion::Fragments, ..config() },
+        &Config { criterion: Criterion::Fragments, ..config() },
         "0   start
          10  rx 11*41
          11  rx 42 43 => more 11*41 42
@@ -154,7 +154,7 @@ fn fragments() {
 #[test]
 fn xoff_stops_us() {
     run(
-        Config { flow: Flow::XonXoff, ..config() },
+        &Config { flow: Flow::XonXoff, ..config() },
         "0   start => tx XON
          1   done
          10  order 20*41 => tx 16*41
@@ -176,7 +176,7 @@ fn xoff_stops_us() {
 #[test]
 fn waiting_for_xon_has_an_end() {
     run(
-        Config { flow: Flow::XonXoff, ..config() },
+        &Config { flow: Flow::XonXoff, ..config() },
         "0     start => tx XON
          0     rx XOFF
          10    order 41
@@ -191,7 +191,7 @@ fn waiting_for_xon_has_an_end() {
 #[test]
 fn xon_and_xoff_are_data_without_flow_control() {
     run(
-        config(),
+        &config(),
         "0   start
          0   rx XOFF 41 XON
          200 timeout => got XOFF 41 XON",
@@ -202,7 +202,7 @@ fn xon_and_xoff_are_data_without_flow_control() {
 #[test]
 fn we_stop_the_partner() {
     run(
-        Config { flow: Flow::XonXoff, ..config() },
+        &Config { flow: Flow::XonXoff, ..config() },
         "0   start => tx XON
          1   room 1
          10  rx 41 42
@@ -214,7 +214,7 @@ fn we_stop_the_partner() {
     );
     // The sink of the tables keeps its room, so it is taken away just before the end.
     run(
-        Config { flow: Flow::XonXoff, ..config() },
+        &Config { flow: Flow::XonXoff, ..config() },
         "0   start => tx XON
          10  rx 41
          100 room 0
@@ -223,7 +223,7 @@ fn we_stop_the_partner() {
          290 room 100 => tx XON",
     );
     run(
-        Config { flow: Flow::Hardware, ..config() },
+        &Config { flow: Flow::Hardware, ..config() },
         "0   start => rts on
          10  rx 41
          100 room 0
@@ -236,7 +236,7 @@ fn we_stop_the_partner() {
 #[test]
 fn cts_stops_us() {
     run(
-        Config { flow: Flow::Hardware, ..config() },
+        &Config { flow: Flow::Hardware, ..config() },
         "0   start => rts on
          1   cts off
          10  order 41
@@ -254,7 +254,7 @@ fn cts_stops_us() {
 #[test]
 fn output_that_never_leaves() {
     run(
-        config(),
+        &config(),
         "0     start
          0     order 41 42 => tx 41 42
          20002 timeout => back, !Output: AckDelay, sent AckDelay",
@@ -265,7 +265,7 @@ fn output_that_never_leaves() {
 #[test]
 fn abort() {
     run(
-        Config { zna: 60 * MS, ..config() },
+        &Config { zna: 60 * MS, ..config() },
         "0   start
          0   rx 41
          1   order 42 => tx 42

@@ -26,7 +26,7 @@ fn two() -> Config {
     by_end(2, Sending::Through)
 }
 
-fn run(config: Config, table: &str) {
+fn run(config: &Config, table: &str) {
     check(&mut Ascii::<1024>::new(config), table);
 }
 
@@ -35,7 +35,7 @@ fn run(config: Config, table: &str) {
 #[test]
 fn a_telegram_ends_with_one_end_character() {
     run(
-        one(),
+        &one(),
         "0   start
          10  rx 34 30
          29  rx 30
@@ -48,7 +48,7 @@ fn a_telegram_ends_with_one_end_character() {
 #[test]
 fn a_telegram_ends_with_two_end_characters_in_their_order() {
     run(
-        two(),
+        &two(),
         "0   start
          10  rx 34 0D
          20  rx 0A => got 34 0D 0A
@@ -58,14 +58,14 @@ fn a_telegram_ends_with_two_end_characters_in_their_order() {
     );
     // Twice the same character.
     let twice = Criterion::Characters { end: Flags::new([0x0D, 0x0D], 2), sending: Sending::Through };
-    run(config(twice), "0 start\n 10 rx 41 0D 42 0D 0D 0D => got 41 0D 42 0D 0D\n 11 rx 0D => got 0D 0D");
+    run(&config(twice), "0 start\n 10 rx 41 0D 42 0D 0D 0D => got 41 0D 42 0D 0D\n 11 rx 0D => got 0D 0D");
 }
 
 /// "If ZVZ expires first: 0806h, fragment discarded." [TIA help "Configuration for point-to-point links"]
 #[test]
 fn zvz_before_the_end_characters() {
     run(
-        two(),
+        &two(),
         "0  start
          10 rx 34 30 0D
          30 timeout => !Receive: CharacterDelay
@@ -78,7 +78,7 @@ fn zvz_before_the_end_characters() {
 #[test]
 fn what_follows_in_the_same_burst() {
     run(
-        one(),
+        &one(),
         "0  start
          10 rx 41 0D 42 43 => got 41 0D
          29 rx 44 0D 45 => got 42 43 44 0D
@@ -86,7 +86,7 @@ fn what_follows_in_the_same_burst() {
          60 rx 46 0D => got 46 0D",
     );
     run(
-        config(Criterion::Length(3)),
+        &config(Criterion::Length(3)),
         "0  start
          10 rx 41 42 43 44 45 => got 41 42 43
          29 rx 46 47 48 49 4A => got 44 45 46, got 47 48 49
@@ -99,7 +99,7 @@ fn what_follows_in_the_same_burst() {
 #[test]
 fn a_telegram_of_fixed_length() {
     run(
-        config(Criterion::Length(5)),
+        &config(Criterion::Length(5)),
         "0   start
          10  rx 0D 0A 11 13
          29  rx 00 => got 0D 0A 11 13 00
@@ -107,9 +107,9 @@ fn a_telegram_of_fixed_length() {
          70  timeout => !Receive: CharacterDelay
          71  rx 5*45 => got 5*45",
     );
-    run(config(Criterion::Length(1)), "0 start\n 10 rx 41 42 => got 41, got 42");
+    run(&config(Criterion::Length(1)), "0 start\n 10 rx 41 42 => got 41, got 42");
     run(
-        config(Criterion::Length(1024)),
+        &config(Criterion::Length(1024)),
         "0 start\n 10 rx 1024*41 42 => got 1024*41\n 30 timeout => !Receive: CharacterDelay",
     );
 }
@@ -118,7 +118,7 @@ fn a_telegram_of_fixed_length() {
 #[test]
 fn the_telegram_after_a_lost_one_is_whole() {
     run(
-        one(),
+        &one(),
         "0  start
          10 rx 41
          11 fault Parity => !Receive: Line(Parity)
@@ -133,14 +133,14 @@ fn the_telegram_after_a_lost_one_is_whole() {
          52 rx 46 0D 47 0D => got 47 0D",
     );
     run(
-        two(),
+        &two(),
         "0  start
          10 rx 41 0D
          11 fault Parity => !Receive: Line(Parity)
          12 rx 0A 42 0D 0A 43 0D 0A => got 43 0D 0A",
     );
     run(
-        config(Criterion::Length(3)),
+        &config(Criterion::Length(3)),
         "0  start
          10 rx 41
          11 fault Parity => !Receive: Line(Parity)
@@ -153,7 +153,7 @@ fn the_telegram_after_a_lost_one_is_whole() {
 #[test]
 fn no_room_and_too_long() {
     run(
-        one(),
+        &one(),
         "0  start
          0  room 0
          10 rx 41 => !Receive: NoBuffer
@@ -164,7 +164,7 @@ fn no_room_and_too_long() {
          31 rx 46 0D => got 46 0D",
     );
     run(
-        one(),
+        &one(),
         "0  start
          10 rx 1023*41 0D => got 1023*41 0D
          20 rx 1025*41 => !Receive: TooLong
@@ -176,7 +176,7 @@ fn no_room_and_too_long() {
 #[test]
 fn flow_control_characters_do_not_count() {
     let config = Config { flow: Flow::XonXoff, ..config(Criterion::Length(3)) };
-    run(config, "0 start => tx XON\n 1 done\n 10 rx 41 XOFF XON 42 43 => got 41 42 43");
+    run(&config, "0 start => tx XON\n 1 done\n 10 rx 41 XOFF XON 42 43 => got 41 42 43");
 }
 
 /// "Up to and including the end character; not found within LEN: 050Eh."
@@ -184,7 +184,7 @@ fn flow_control_characters_do_not_count() {
 #[test]
 fn sending_up_to_the_end_characters() {
     run(
-        one(),
+        &one(),
         "0  start
          0  order 41 42 0D 43 0D => tx 41 42 0D
          3  done => sent ok
@@ -194,7 +194,7 @@ fn sending_up_to_the_end_characters() {
          21 order 1023*41 0D 42 => tx 1023*41 0D",
     );
     run(
-        two(),
+        &two(),
         "0  start
          0  order 0A 0D 42 0D 0A 43 => tx 0A 0D 42 0D 0A
          5  done => sent ok
@@ -206,7 +206,7 @@ fn sending_up_to_the_end_characters() {
 #[test]
 fn sending_as_much_as_there_is() {
     run(
-        by_end(1, Sending::Whole),
+        &by_end(1, Sending::Whole),
         "0  start
          0  order 41 0D 42 => tx 41 0D 42
          3  done => sent ok
@@ -221,7 +221,7 @@ fn sending_as_much_as_there_is() {
 #[test]
 fn sending_with_end_characters_appended() {
     run(
-        by_end(2, Sending::Appended),
+        &by_end(2, Sending::Appended),
         "0    start
          0    order 41 0D => tx 41 0D 0D 0A
          4    done => sent ok
@@ -229,7 +229,7 @@ fn sending_with_end_characters_appended() {
          11   order 1022*41 => tx 1022*41 0D 0A
          1035 done => sent ok",
     );
-    run(by_end(1, Sending::Appended), "0 start\n 0 order 1024*41 => sent NoEnd\n 1 order 1023*41 => tx 1023*41 0D");
+    run(&by_end(1, Sending::Appended), "0 start\n 0 order 1024*41 => sent NoEnd\n 1 order 1023*41 => tx 1023*41 0D");
 }
 
 /// "A pause of at least ZVZ is kept between two telegrams": the order ends before it.
@@ -238,7 +238,7 @@ fn sending_with_end_characters_appended() {
 fn a_pause_between_two_telegrams() {
     let config = Config { pause: 20 * MS, ..config(Criterion::Silence) };
     run(
-        config.clone(),
+        &config,
         "0  start
          0  order 41 => tx 41
          1  done => sent ok
@@ -253,7 +253,7 @@ fn a_pause_between_two_telegrams() {
          100 order 46 => tx 46",
     );
     run(
-        Config { pause: Span::ZERO, ..config },
+        &Config { pause: Span::ZERO, ..config },
         "0 start\n 0 order 41 => tx 41\n 1 done => sent ok\n 1 order 42 => tx 42",
     );
 }
@@ -269,7 +269,7 @@ fn with_signals(rts_off_ms: u64, output_wait_ms: u64) -> Config {
 #[test]
 fn signals_around_a_telegram() {
     run(
-        with_signals(30, 50),
+        &with_signals(30, 50),
         "0   start => rts off, dtr on
          1   lines cts dsr
          10  order 41 42 => rts on
@@ -291,7 +291,7 @@ fn signals_around_a_telegram() {
          241 timeout => rts off",
     );
     run(
-        with_signals(0, 0),
+        &with_signals(0, 0),
         "0  start => rts off, dtr on
          1  lines cts dsr
          10 order 41 => rts on, tx 41
@@ -304,7 +304,7 @@ fn signals_around_a_telegram() {
 #[test]
 fn signals_that_go_off() {
     run(
-        with_signals(30, 50),
+        &with_signals(30, 50),
         "0   start => rts off, dtr on
          1   lines dsr
          10  order 41 => rts on
@@ -333,7 +333,7 @@ fn signals_that_go_off() {
 #[test]
 fn nothing_is_received_while_dsr_is_off() {
     run(
-        with_signals(30, 50),
+        &with_signals(30, 50),
         "0  start => rts off, dtr on
          1  lines cts
          10 rx 41
@@ -350,7 +350,7 @@ fn nothing_is_received_while_dsr_is_off() {
     );
     // With XON/XOFF, DSR OFF does not stop the output.
     run(
-        Config { flow: Flow::XonXoff, ..with_signals(0, 0) },
+        &Config { flow: Flow::XonXoff, ..with_signals(0, 0) },
         "0  start => rts off, dtr on, tx XON
          1  done
          2  lines cts
@@ -363,5 +363,5 @@ fn nothing_is_received_while_dsr_is_off() {
 /// If a line does not report its signals, they count as ON.
 #[test]
 fn a_line_without_signals() {
-    run(with_signals(0, 50), "0 start => rts off, dtr on\n 10 order 41 => rts on\n 60 timeout => tx 41");
+    run(&with_signals(0, 50), "0 start => rts off, dtr on\n 10 order 41 => rts on\n 60 timeout => tx 41");
 }

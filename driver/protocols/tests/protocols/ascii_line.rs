@@ -1,7 +1,7 @@
 //! Two ASCII machines on a two-wire line that panics when both send at once: question and answer, each after the
 //! silence that ends the other.
 
-use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::ascii::{Ascii, Config};
 use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, Order, SendError, Sink, Wire};
 
@@ -44,7 +44,7 @@ fn question_and_answer_on_two_wires() {
     let config = Config { zvz: 20 * MS, ..defaults::ascii(sim.char_time) };
     let char_time = sim.char_time;
     let mut line = SimLine::new(sim, 0);
-    let mut machines = [Ascii::<1024>::new(config.clone()), Ascii::<1024>::new(config)];
+    let mut machines = [Ascii::<1024>::new(&config), Ascii::<1024>::new(&config)];
     let mut deadlines: [Option<Instant>; 2] = [Some(Instant::START), Some(Instant::START)];
     let mut buffer = [0; 64];
     let mut now = Instant::START;

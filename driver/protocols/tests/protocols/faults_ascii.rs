@@ -1,7 +1,8 @@
 //! ASCII on a bad line, see [`pair`]. Its only checks are parity, frame and silence: an accepted telegram is everything
 //! between two silences, with every character readable.
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow, XOFF, XON};
 use ob1_protocols::{Instant, MS, SECOND, Span};
 
@@ -78,7 +79,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
             burst: Vec::new(),
             taken: 0,
         };
-        let partners = [(Ascii::new(config.clone()), judge()), (Ascii::new(config.clone()), judge())];
+        let partners = [(Ascii::new(&config), judge()), (Ascii::new(&config), judge())];
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 10 }
     }
 

@@ -4,7 +4,8 @@
 //! Two CPs are connected to each other: each asks the other for its ID base and gets no answer, so telegrams are sent
 //! unchanged.
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::esp2::{Config, Esp2, FRAME_BYTES};
 use ob1_protocols::{Instant, MS, Span};
 

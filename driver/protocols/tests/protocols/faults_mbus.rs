@@ -1,6 +1,7 @@
 //! An M-Bus master and a meter on a bad line, see [`pair`].
 
-use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_protocols::mbus::{Config, MBus};
 use ob1_protocols::{Input, Instant, LineInput, MS, Machine, Sink, Span};
 

@@ -1,6 +1,7 @@
 //! A Modbus master and a slave on a bad line, see [`pair`].
 
-use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_protocols::modbus::pdu::{Function, Request};
 use ob1_protocols::modbus::{Failure, Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, Order, SendError, Sink, Span, Wire};

@@ -20,7 +20,8 @@
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_protocols::rk512::{
     Answer, AnswerError, Area, Command, Config, Coordination, Event, Input, Order, OrderError, Owner, Request, Rk512,
 };

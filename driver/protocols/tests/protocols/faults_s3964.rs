@@ -1,6 +1,7 @@
 //! 3964 and 3964R on a bad line, see [`pair`].
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{Instant, MS, Span};
 

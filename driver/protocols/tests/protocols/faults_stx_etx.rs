@@ -1,7 +1,8 @@
 //! STX/ETX on a bad line, see [`pair`]. An accepted telegram was between start and end characters, with every character
 //! readable and none later than TMO, and contains no start or end.
 
-use ob1_line::sim::{End, SimConfig, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig};
+use ob1_line::sim::SplitMix64;
 use ob1_protocols::ascii::{Flow, XOFF, XON};
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
 use ob1_protocols::{Instant, MS, SECOND, Span};
@@ -78,7 +79,7 @@ impl Duet for Pair {
             tmo,
             raw: Vec::new(),
         };
-        let partners = [(StxEtx::new(config.clone()), judge()), (StxEtx::new(config.clone()), judge())];
+        let partners = [(StxEtx::new(&config), judge()), (StxEtx::new(&config), judge())];
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 10 }
     }
 

@@ -150,13 +150,13 @@ proptest! {
 
     #[test]
     fn ascii(steps in steps(), longest in 2..50_usize) {
-        let machine = || of_machine(<Ascii>::new(defaults::ascii(MS)));
+        let machine = || of_machine(<Ascii>::new(&defaults::ascii(MS)));
         prop_assert_eq!(run(machine(), &steps, longest), run(machine(), &steps, 1));
     }
 
     #[test]
     fn stx_etx(steps in steps(), longest in 2..50_usize) {
-        let machine = || of_machine(<StxEtx>::new(defaults::stx_etx(MS)));
+        let machine = || of_machine(<StxEtx>::new(&defaults::stx_etx(MS)));
         prop_assert_eq!(run(machine(), &steps, longest), run(machine(), &steps, 1));
     }
 }

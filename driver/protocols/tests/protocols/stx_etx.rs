@@ -16,7 +16,7 @@ fn braces(start: u8, end: u8) -> Config {
     Config { start: Flags::new(*b"{(", start), end: Flags::new(*b")}", end), ..config() }
 }
 
-fn run(config: Config, table: &str) {
+fn run(config: &Config, table: &str) {
     check(&mut StxEtx::<1024>::new(config), table);
 }
 
@@ -24,7 +24,7 @@ fn run(config: Config, table: &str) {
 #[test]
 fn an_order_is_enclosed_and_done_after_zna() {
     run(
-        Config { zna: 60 * MS, ..config() },
+        &Config { zna: 60 * MS, ..config() },
         "0   start
          0   order 41 42 => tx STX 41 42 ETX
          1   order 43 => sent Busy
@@ -36,7 +36,7 @@ fn an_order_is_enclosed_and_done_after_zna() {
          133 timeout => sent ok",
     );
     run(
-        config(),
+        &config(),
         "0 start
          0 order 41 => tx STX 41 ETX
          3 done => sent ok
@@ -62,7 +62,7 @@ fn none_one_or_two_characters() {
         // And each configuration receives what it sends: at once if there is an end, otherwise after TMO.
         let arrival =
             if end > 0 { format!("20 rx {sent} => got 41") } else { format!("20 rx {sent}\n220 timeout => got 41") };
-        run(braces(start, end), &format!("0 start\n0 order 41 => tx {sent}\n9 done => sent ok\n{arrival}"));
+        run(&braces(start, end), &format!("0 start\n0 order 41 => tx {sent}\n9 done => sent ok\n{arrival}"));
     }
 }
 
@@ -71,7 +71,7 @@ fn none_one_or_two_characters() {
 #[test]
 fn before_the_start_all_is_thrown_away() {
     run(
-        config(),
+        &config(),
         "0   start
          10  rx 41 => !Idle: Unexpected(65)
          11  rx 42 ETX 43
@@ -80,7 +80,7 @@ fn before_the_start_all_is_thrown_away() {
     );
     // One of two start characters alone is discarded too.
     run(
-        braces(2, 1),
+        &braces(2, 1),
         "0   start
          10  rx 7B
          11  rx 41 => !Idle: Unexpected(123)
@@ -96,7 +96,7 @@ fn before_the_start_all_is_thrown_away() {
 #[test]
 fn between_start_and_end_all_is_data() {
     run(
-        config(),
+        &config(),
         "0   start
          10  rx STX 41
          209 rx 42
@@ -106,7 +106,7 @@ fn between_start_and_end_all_is_data() {
     );
     // One of two end characters alone is user data, and so is one of two start characters.
     run(
-        braces(2, 2),
+        &braces(2, 2),
         "0  start
          10 rx 7B 28 29 41 29 29 7D => got 29 41 29
          20 rx 7B 28 7B 42 29 7D => got 7B 42
@@ -118,7 +118,7 @@ fn between_start_and_end_all_is_data() {
 #[test]
 fn without_end_characters_tmo_ends_the_telegram() {
     run(
-        braces(1, 0),
+        &braces(1, 0),
         "0   start
          10  rx 7B 41
          210 rx 42             # just in time
@@ -128,7 +128,7 @@ fn without_end_characters_tmo_ends_the_telegram() {
          700 timeout => !Receive: Empty",
     );
     run(
-        braces(0, 0),
+        &braces(0, 0),
         "0   start
          10  rx 41
          209 rx 42
@@ -136,7 +136,7 @@ fn without_end_characters_tmo_ends_the_telegram() {
     );
     // A character held back belongs to the telegram.
     run(
-        braces(2, 0),
+        &braces(2, 0),
         "0   start
          10  rx 7B 28 41 7B
          210 timeout => got 41 7B",
@@ -147,7 +147,7 @@ fn without_end_characters_tmo_ends_the_telegram() {
 #[test]
 fn tmo_within_a_telegram() {
     run(
-        config(),
+        &config(),
         "0   start
          10  rx STX 41
          210 timeout => !Receive: CharacterDelay
@@ -155,7 +155,7 @@ fn tmo_within_a_telegram() {
          220 rx STX 43 ETX => got 43",
     );
     run(
-        braces(0, 2),
+        &braces(0, 2),
         "0   start
          10  rx 41
          12  rx 29
@@ -168,14 +168,14 @@ fn tmo_within_a_telegram() {
 #[test]
 fn a_start_within_a_telegram() {
     run(
-        config(),
+        &config(),
         "0  start
          10 rx STX 41 STX => !Receive: Restarted
          11 rx 42 ETX => got 42
          20 rx STX STX 43 ETX => !Receive: Restarted, got 43",
     );
     run(
-        braces(2, 1),
+        &braces(2, 1),
         "0  start
          10 rx 7B 28 41 7B 28 => !Receive: Restarted
          11 rx 42 29 => got 42",
@@ -186,7 +186,7 @@ fn a_start_within_a_telegram() {
 #[test]
 fn quotes() {
     run(
-        Config { start: Flags::new([0x22, 0], 1), end: Flags::new([0x22, 0], 1), ..config() },
+        &Config { start: Flags::new([0x22, 0], 1), end: Flags::new([0x22, 0], 1), ..config() },
         "0  start
          10 rx 22 41 22 => got 41
          11 rx 22 42 22 22 43 22 => got 42, got 43
@@ -201,14 +201,14 @@ fn quotes() {
 #[test]
 fn empty() {
     run(
-        config(),
+        &config(),
         "0  start
          10 rx STX ETX => !Receive: Empty
          11 rx STX 41 ETX => got 41",
     );
     // A reader that ends its lines with CR LF and sends an empty one.
     run(
-        Config { start: Flags::NONE, end: Flags::new(*b"\r\n", 2), ..config() },
+        &Config { start: Flags::NONE, end: Flags::new(*b"\r\n", 2), ..config() },
         "0  start
          10 rx 0D 0A => !Receive: Empty
          11 rx 41 0D 42 0D 0A => got 41 0D 42",
@@ -219,7 +219,7 @@ fn empty() {
 #[test]
 fn no_receive_buffer() {
     run(
-        config(),
+        &config(),
         "0   start
          0   room 0
          10  rx STX => !Receive: NoBuffer
@@ -238,7 +238,7 @@ fn no_receive_buffer() {
          28  rx STX 46 ETX => got 46",
     );
     run(
-        braces(0, 1),
+        &braces(0, 1),
         "0   start
          0   room 0
          10  rx 41 => !Receive: NoBuffer
@@ -253,7 +253,7 @@ fn no_receive_buffer() {
 #[test]
 fn telegram_length() {
     run(
-        config(),
+        &config(),
         "0  start
          10 rx STX 1024*41 ETX => got 1024*41
          11 rx STX 1025*41 => !Receive: TooLong
@@ -263,7 +263,7 @@ fn telegram_length() {
          22 rx STX 41 42 ETX => got 41 42",
     );
     run(
-        braces(1, 0),
+        &braces(1, 0),
         "0   start
          10  rx 7B 1025*41 => !Receive: TooLong
          11  rx 42
@@ -277,7 +277,7 @@ fn telegram_length() {
 #[test]
 fn line_faults() {
     run(
-        config(),
+        &config(),
         "0   start
          5   fault Framing => !Receive: Line(Framing)   # it may have been STX
          6   fault Framing => !Idle: Line(Framing)
@@ -294,7 +294,7 @@ fn line_faults() {
     );
     // Without start characters it may have been the first character of a telegram.
     run(
-        braces(0, 1),
+        &braces(0, 1),
         "0   start
          10  fault Parity => !Receive: Line(Parity)
          11  rx 41 29
@@ -309,7 +309,7 @@ fn line_faults() {
 #[test]
 fn flow_control() {
     run(
-        Config { flow: Flow::XonXoff, ..config() },
+        &Config { flow: Flow::XonXoff, ..config() },
         "0   start => tx XON
          10  order 20*41 => tx STX 15*41
          15  rx XOFF
@@ -324,7 +324,7 @@ fn flow_control() {
          342 room 50 => tx XON",
     );
     run(
-        Config { flow: Flow::Hardware, ..config() },
+        &Config { flow: Flow::Hardware, ..config() },
         "0  start => rts on
          1  cts off
          10 order 41
@@ -332,7 +332,7 @@ fn flow_control() {
          23 done => sent ok",
     );
     run(
-        Config { flow: Flow::Hardware, ..config() },
+        &Config { flow: Flow::Hardware, ..config() },
         "0     start => rts on
          1     cts off
          10    order 41
@@ -344,7 +344,7 @@ fn flow_control() {
 #[test]
 fn abort() {
     run(
-        config(),
+        &config(),
         "0  start
          10 rx STX 41
          11 order 42 43 => tx STX 42 43 ETX

@@ -56,7 +56,6 @@ pub struct DpAreas {
 }
 
 /// Bytes up to the end of the last piece.
-#[must_use]
 pub fn area_bytes(pieces: &[DpPiece]) -> usize {
     pieces.iter().map(|piece| piece.area + piece.len).max().unwrap_or(0)
 }

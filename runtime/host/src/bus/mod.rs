@@ -79,7 +79,6 @@ struct Shared {
 
 impl Bus {
     /// A bus over its memory. `side` is the CPU's end of the segment its process is supervised by, `link` reaches that.
-    #[must_use]
     pub fn new(
         side: CpuSide,
         link: Box<dyn DriverLink>,
@@ -105,7 +104,6 @@ impl Bus {
     }
 
     /// One of its modules. The first one made leads.
-    #[must_use]
     pub fn module(&self, config: BusModuleConfig) -> Box<dyn Module> {
         let leads = self.shared.lock().is_ok_and(|mut shared| !std::mem::replace(&mut shared.led, true));
         Box::new(BusModule {
@@ -119,7 +117,6 @@ impl Bus {
 
 impl Bus {
     /// The CP 342-5 that the bus is behind: it leads, and no slave of it is a module of its own.
-    #[must_use]
     pub fn cp(&self, areas: DpAreas) -> Box<dyn Module> {
         if let Ok(mut shared) = self.shared.lock() {
             shared.led = true;

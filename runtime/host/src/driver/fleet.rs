@@ -57,32 +57,27 @@ pub struct DriverStatus {
 
 impl DriverStatus {
     /// Its process, 0 when there is none.
-    #[must_use]
     pub fn pid(&self) -> u32 {
         // Acquire: whoever sees a process also sees its attempt counted.
         self.pid.load(Ordering::Acquire)
     }
 
     /// Processes that have shown life so far.
-    #[must_use]
     pub fn starts(&self) -> u32 {
         self.starts.load(Ordering::Relaxed)
     }
 
     /// Processes that have ended without being asked to.
-    #[must_use]
     pub fn losses(&self) -> u32 {
         self.losses.load(Ordering::Relaxed)
     }
 
     /// Processes that were to be started so far.
-    #[must_use]
     pub fn attempts(&self) -> u32 {
         self.attempts.load(Ordering::Acquire)
     }
 
     /// Incidents of the driver so far: see [`Supervisor::incidents`].
-    #[must_use]
     pub fn incidents(&self) -> u32 {
         self.incidents.load(Ordering::Relaxed)
     }
@@ -125,7 +120,6 @@ struct Driver {
 
 impl Fleet {
     /// A fleet without drivers; its thread starts with [`Fleet::start`].
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }

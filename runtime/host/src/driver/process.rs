@@ -99,7 +99,6 @@ impl Process {
     }
 
     /// Its number, which is that of its process group too.
-    #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id()
     }

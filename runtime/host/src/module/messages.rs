@@ -300,7 +300,6 @@ impl fmt::Display for Gone {
 }
 
 /// Why a line is gone, by the system's error number (0: none); `None` where no short word says more than the number.
-#[must_use]
 pub fn line_gone(errno: u32) -> Option<&'static str> {
     use rustix::io::Errno;
     if errno == 0 {

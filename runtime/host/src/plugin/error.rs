@@ -43,7 +43,6 @@ pub enum Refusal {
 
 impl Refusal {
     /// The number under which `docs/plugins.md` explains it.
-    #[must_use]
     pub const fn number(&self) -> &'static str {
         match self {
             Refusal::Missing(_) => "P001",
@@ -58,7 +57,6 @@ impl Refusal {
     }
 
     /// What to do about it.
-    #[must_use]
     pub const fn remedy(&self) -> &'static str {
         match self {
             Refusal::Missing(_) => "check `path` in the station file; relative paths count from the station file",

@@ -110,13 +110,11 @@ impl Plugin {
     }
 
     /// What the plugin says about itself.
-    #[must_use]
     pub fn info(&self) -> &PluginInfo {
         &self.info
     }
 
     /// The file it was loaded from.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -25,7 +25,6 @@ pub struct PluginModule {
 
 impl PluginModule {
     /// A module without settings.
-    #[must_use]
     pub fn at(address: u32) -> Self {
         Self { address, settings: BTreeMap::new() }
     }

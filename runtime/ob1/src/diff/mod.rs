@@ -62,7 +62,6 @@ fn block(text: &str) -> Result<ob1_model::BlockId, String> {
 }
 
 /// Compares; prints what there is to print.
-#[must_use]
 pub fn diff(args: &DiffArgs) -> DiffExit {
     run(args).unwrap_or_else(|text| {
         err!("ob1: {text}");

@@ -100,7 +100,6 @@ struct Findings {
 }
 
 /// Runs `ob1 driver`.
-#[must_use]
 pub fn driver(args: &DriverArgs) -> TestExit {
     let What::Test(args) = &args.what;
     let program = match args.program.canonicalize() {

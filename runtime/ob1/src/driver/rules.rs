@@ -13,7 +13,6 @@ macro_rules! rules {
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
             /// Its sentence, as the document prints it.
-            #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {
                     $(Self::$name => $text,)*
@@ -104,13 +103,11 @@ rules! {
 
 impl Rule {
     /// As reports name it: `D7`.
-    #[must_use]
     pub fn number(self) -> String {
         format!("D{}", self as u8)
     }
 
     /// Whether it is about the registers of a CP 240.
-    #[must_use]
     pub fn is_of_cp240(self) -> bool {
         self.text().starts_with("CP 240: ")
     }

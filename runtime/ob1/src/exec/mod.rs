@@ -40,7 +40,6 @@ use stats::Meter;
 const SHOWN: usize = 10;
 
 /// Runs sources; prints what there is to print.
-#[must_use]
 pub fn exec(args: &ExecArgs) -> ExecExit {
     match try_exec(args) {
         Ok(exit) => exit,

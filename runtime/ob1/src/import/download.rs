@@ -42,7 +42,6 @@ pub struct DownloadArgs {
 }
 
 /// Downloads; prints what there is to print.
-#[must_use]
 pub fn download(args: &DownloadArgs) -> ImportExit {
     run(args).unwrap_or_else(|text| {
         err!("ob1: {text}");

@@ -120,7 +120,6 @@ struct Taken {
 }
 
 /// Imports, lists or prints; prints what there is to print.
-#[must_use]
 pub fn import(args: &ImportArgs) -> ImportExit {
     match run(args) {
         Ok(exit) => exit,

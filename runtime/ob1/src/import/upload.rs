@@ -70,7 +70,6 @@ pub struct CompareArgs {
 }
 
 /// Uploads; prints what there is to print.
-#[must_use]
 pub fn upload(args: &UploadArgs) -> ImportExit {
     run(args).unwrap_or_else(|text| {
         err!("ob1: {text}");
@@ -251,7 +250,6 @@ fn keep(out: &Path, blocks: &Blocks) -> Result<Vec<String>, String> {
 }
 
 /// Compares; prints what there is to print.
-#[must_use]
 pub fn compare(args: &CompareArgs) -> DiffExit {
     held_against(args).unwrap_or_else(|text| {
         err!("ob1: {text}");

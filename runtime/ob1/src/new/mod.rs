@@ -105,7 +105,6 @@ impl Refusal {
 }
 
 /// Writes what is wanted; prints what there is to do next.
-#[must_use]
 pub fn new(args: &NewArgs) -> Exit {
     let written = match &args.what {
         What::Station { name, language } => {

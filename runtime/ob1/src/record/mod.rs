@@ -157,7 +157,6 @@ impl Count {
 }
 
 /// Records until its end.
-#[must_use]
 pub fn record(args: &RecordArgs) -> Exit {
     match run(args) {
         Ok(()) => Exit::Ok,

@@ -73,7 +73,6 @@ pub struct ShadowArgs {
 }
 
 /// Compares; prints what there is to print.
-#[must_use]
 pub fn shadow(args: &ShadowArgs) -> DiffExit {
     let done = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || run(args));
     done.map_err(|error| format!("a thread for the program: {error}")).flatten().unwrap_or_else(|text| {

@@ -94,7 +94,6 @@ pub enum Names {
 }
 
 /// Shows; prints what there is to print.
-#[must_use]
 pub fn show(args: &ShowArgs) -> Exit {
     match run(args) {
         Ok(()) => Exit::Ok,

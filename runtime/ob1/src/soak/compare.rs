@@ -45,7 +45,6 @@ impl Judged {
 }
 
 /// Compares two reports and prints what there is to say.
-#[must_use]
 pub(super) fn compare(a: &Path, b: &Path, margin: f64) -> SoakExit {
     let (a, b) = match (Report::read(a), Report::read(b)) {
         (Ok(a), Ok(b)) => (a, b),

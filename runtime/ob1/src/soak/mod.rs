@@ -27,7 +27,6 @@ pub use report::Report;
 use crate::exit::SoakExit;
 
 /// Runs a soak to its verdict, or compares two reports; prints what there is to print.
-#[must_use]
 pub fn soak(args: &SoakArgs) -> SoakExit {
     if let Some([a, b]) = args.compare.as_deref() {
         return compare::compare(a, b, f64::from(args.margin) / 100.0);

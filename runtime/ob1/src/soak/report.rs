@@ -194,7 +194,6 @@ impl CpLedger {
     }
 
     /// Orders that have no end so far.
-    #[must_use]
     pub fn open(&self) -> u64 {
         self.accepted.saturating_sub(self.done + self.error + self.aborted + self.lost)
     }
@@ -237,7 +236,6 @@ pub enum Role {
 
 impl CellLedger {
     /// How much it has grown.
-    #[must_use]
     pub fn grown(&self) -> f64 {
         self.last - self.first
     }
@@ -299,13 +297,11 @@ impl Report {
     }
 
     /// The distribution of that name, as in a budget.
-    #[must_use]
     pub fn distribution(&self, name: &str) -> Option<&Spread> {
         distributions(self.timing.as_ref()?).into_iter().find(|(known, _)| known == name).map(|(_, spread)| spread)
     }
 
     /// The values of a series over time: hours and values.
-    #[must_use]
     pub fn series(&self, name: &str) -> Vec<(f64, f64)> {
         let value = |i: &Interval| match name {
             "rss" => i.rss_bytes,
@@ -323,7 +319,6 @@ impl Report {
 }
 
 /// All distributions that hold something, by their names in a budget.
-#[must_use]
 pub(super) fn distributions(timing: &Timing) -> Vec<(String, &Spread)> {
     let mut all = vec![
         ("cycle".to_owned(), &timing.cycle),

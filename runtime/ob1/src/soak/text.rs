@@ -10,7 +10,6 @@ use ob1_timing::{self, Timing};
 use crate::units::{amount, time};
 
 /// The report as a table.
-#[must_use]
 pub fn report(r: &Report) -> String {
     let mut out = String::new();
     let _ = writeln!(
@@ -172,7 +171,6 @@ fn telegrams(out: &mut String, r: &Report) {
 }
 
 /// The line while it runs.
-#[must_use]
 pub(super) fn live(wanted_ns: u64, elapsed_ns: u64, t: &Timing, cps: &[CpLedger]) -> String {
     let left = time(wanted_ns.saturating_sub(elapsed_ns) as f64);
     let done = (elapsed_ns as f64 / wanted_ns.max(1) as f64).min(1.0);

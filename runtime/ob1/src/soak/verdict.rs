@@ -23,7 +23,6 @@ pub enum Ended {
 
 impl Ended {
     /// The end in words, as the report says it.
-    #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
             Self::UnderWay => "checkpoint of a soak under way, or of one that was killed",
@@ -50,7 +49,6 @@ pub enum Verdict {
 
 impl Verdict {
     /// The verdict in a word, as it is printed.
-    #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
             Self::Pass => "pass",
@@ -60,7 +58,6 @@ impl Verdict {
     }
 
     /// As the last line of a report.
-    #[must_use]
     pub const fn line(self) -> &'static str {
         match self {
             Self::Pass => "PASS",
@@ -70,7 +67,6 @@ impl Verdict {
     }
 
     /// The exit code that belongs to the verdict.
-    #[must_use]
     pub const fn exit(self) -> SoakExit {
         match self {
             Self::Pass => SoakExit::Pass,

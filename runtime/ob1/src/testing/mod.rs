@@ -45,7 +45,6 @@ pub struct TestArgs {
 }
 
 /// Runs tests and prints their results.
-#[must_use]
 pub fn test(args: &TestArgs) -> TestExit {
     let paths = if args.paths.is_empty() { vec![PathBuf::from(".")] } else { args.paths.clone() };
     let files = match find_tests(&paths) {

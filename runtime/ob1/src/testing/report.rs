@@ -49,13 +49,11 @@ pub struct FileReport {
 
 impl FileReport {
     /// The tests that failed.
-    #[must_use]
     pub fn failed(&self) -> usize {
         self.outcomes.iter().filter(|o| !o.failures.is_empty()).count()
     }
 
     /// As it is printed.
-    #[must_use]
     pub fn text(&self) -> String {
         let mut out = String::new();
         for finding in &self.refused {

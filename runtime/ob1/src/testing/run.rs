@@ -28,7 +28,6 @@ use ob1_station_file::{self, ModuleConfig};
 const GENERATED: &str = "(the call under test)";
 
 /// Runs the tests of a file whose names contain `filter`.
-#[must_use]
 pub fn run_file(path: &Path, filter: &str) -> FileReport {
     let file = path.display().to_string();
     let refused = |refused| FileReport { file: file.clone(), refused, outcomes: Vec::new() };
@@ -52,7 +51,6 @@ pub fn run_file(path: &Path, filter: &str) -> FileReport {
 }
 
 /// What is wrong with the text of a test file, whatever its program.
-#[must_use]
 pub fn wrong_with(text: &str, file: &str, folder: &Path) -> Vec<Finding> {
     plan::parse(text, file, folder).err().unwrap_or_default()
 }

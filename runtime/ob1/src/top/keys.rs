@@ -38,15 +38,7 @@ impl Tab {
     ];
 
     fn next(self) -> Self {
-        match self {
-            Self::Scan => Self::Cps,
-            Self::Cps => Self::Diagnostics,
-            Self::Diagnostics => Self::Variables,
-            Self::Variables => Self::Buses,
-            Self::Buses => Self::Connections,
-            Self::Connections => Self::Program,
-            Self::Program => Self::Scan,
-        }
+        Self::ALL[(self as usize + 1) % Self::ALL.len()].0
     }
 }
 

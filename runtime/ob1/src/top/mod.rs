@@ -59,7 +59,6 @@ enum TopError {
 }
 
 /// Shows a station until `q`, the wanted count, or the station's end.
-#[must_use]
 pub fn top(args: &TopArgs) -> Exit {
     let plain = args.plain || !io::stdout().is_terminal() || !io::stdin().is_terminal();
     let done = if plain { live::plain(args) } else { live::screen(args) };

@@ -102,7 +102,6 @@ pub enum TraceError {
 }
 
 /// Traces until its end.
-#[must_use]
 pub fn trace(args: &TraceArgs) -> Exit {
     match run(args) {
         Ok(()) => Exit::Ok,

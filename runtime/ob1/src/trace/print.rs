@@ -31,7 +31,6 @@ pub struct Printer {
 
 impl Printer {
     /// Nothing printed yet. `raw`: characters as on the line, instead of user data.
-    #[must_use]
     pub fn new(raw: bool) -> Self {
         Self { raw, cps: BTreeMap::new(), links: BTreeMap::new(), held: BTreeMap::new(), text: String::new() }
     }

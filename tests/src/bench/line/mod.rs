@@ -93,14 +93,14 @@ fn cases(baud: u32) -> Vec<Case> {
         ]
     };
     let framed = || {
-        <StxEtx>::new(stx_etx::Config {
+        <StxEtx>::new(&stx_etx::Config {
             start: stx_etx::Flags::new([2, 0], 1),
             end: stx_etx::Flags::new([3, 0], 1),
             ..defaults::stx_etx(char_time)
         })
     };
     // Telegrams are separated by pauses: ZNA longer than the receiver's ZVZ.
-    let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: Span::ZERO, ..defaults::ascii(char_time) });
+    let ascii = || <Ascii>::new(&ascii::Config { zna: 20 * MS, zvz: Span::ZERO, ..defaults::ascii(char_time) });
     let of_rk512 = |order: Option<(Request, Vec<u8>)>| {
         let priority = if order.is_some() { s3964::Priority::High } else { s3964::Priority::Low };
         OfRk512::side(rk512::Config::cp240(of_3964(true, priority)), order)

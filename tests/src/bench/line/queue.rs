@@ -1,6 +1,6 @@
 //! Two ends of a simulated line, in virtual time: one always has its next order ready, the other serves it.
 
-use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::rk512::{self, Answer, AnswerError, OrderError, Owner, Request};
 use ob1_protocols::{Event, Input, LineInput, Machine, Order, Rk512, SECOND, SendError, Sink, Wire};
 use ob1_time::{Instant, Span};

@@ -351,15 +351,13 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-backplane", "invariant 7", &["ob1-words", "loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk", "ob1-words"]),
     row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-words"]),
-    row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
-    row("ob1-any", "invariant 9", &["ob1-sdk", "ob1-words"]),
-    row("ob1-cp342", "invariant 9", &["ob1-any", "ob1-sdk", "ob1-words"]),
-    row("ob1-cp343", "invariant 9", &["ob1-any", "ob1-sdk", "ob1-words"]),
-    row("ob1-cp340", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
-    row("ob1-ptp", "invariant 9", &["ob1-sdk", "ob1-words"]),
-    // The tables of DIF and VIF.
-    row("ob1-mbus-records", "invariant 9", &["m-bus-application-layer"]),
-    row("ob1-mbus", "invariant 9", &["ob1-mbus-records", "ob1-sdk"]),
+    row("ob1-cp341", "invariant 9", &["ob1-sdk", "ob1-siemens", "ob1-words"]),
+    row("ob1-cp342", "invariant 9", &["ob1-sdk", "ob1-siemens", "ob1-words"]),
+    row("ob1-cp343", "invariant 9", &["ob1-sdk", "ob1-siemens", "ob1-words"]),
+    row("ob1-cp340", "invariant 9", &["ob1-sdk", "ob1-siemens", "ob1-words"]),
+    row("ob1-siemens", "invariant 9", &["ob1-sdk", "ob1-words"]),
+    // The library has the tables of DIF and VIF.
+    row("ob1-mbus", "invariant 9", &["ob1-sdk", "m-bus-application-layer"]),
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
@@ -455,7 +453,7 @@ pub(super) const TABLE: &[Row] = &[
         ],
     ),
     // Stand-ins for tests: no product needs it.
-    row("ob1-fakes", "tools", &["ob1-coupler", "ob1-firmware", "ob1-protocols"]),
+    row("ob1-fakes", "tools", &["ob1-coupler", "ob1-firmware", "ob1-line", "ob1-protocols"]),
     row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 
@@ -541,7 +539,8 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-cp240",
             "ob1-cp340",
             "ob1-cp341",
-            "ob1-any",
+            "ob1-siemens",
+            "ob1-mbus",
             "ob1-cp342",
             "ob1-cp343",
             "ob1-example-rust-blocks",

@@ -1,4 +1,4 @@
-use crate::testing::Fake;
+use crate::tests::Fake;
 
 /// In automatic mode, CYCLE 1 s, GAIN 2, no integral and no derivative action, set point 10.
 fn fake() -> Fake {

@@ -1,6 +1,6 @@
 use ob1_model::{ALARMS, AlarmChange, AlarmKind, AlarmTime, Displays};
 
-use crate::testing::{Fake, any};
+use crate::tests::{Fake, any};
 
 const KEYS: [&str; 5] = ["SYSTEM:SFB31", "SYSTEM:SFB33", "SYSTEM:SFB34", "SYSTEM:SFB35", "SYSTEM:SFB36"];
 

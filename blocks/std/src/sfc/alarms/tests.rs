@@ -1,7 +1,7 @@
 use ob1_model::{ALARMS, AlarmAck, AlarmTime, Displays};
 
 use crate::services::AlarmTable;
-use crate::testing::{Fake, any};
+use crate::tests::{Fake, any};
 
 /// A call of SFC 17 or 18, with a display.
 fn function(key: &str, id: u32, signal: bool) -> Fake {

@@ -3,7 +3,7 @@
 #![allow(dead_code)] // each test file uses its own part of it
 
 use ob1_fakes::cp_port::CpLog;
-use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, Instant, LineInput, Reason, Registers, Span};
+use ob1_firmware::{Counter, Cp as _, Cp240, CpInput, Instant, LineInput, Reason, Registers, Span};
 
 pub(crate) const MS: Span = Span::MILLISECOND;
 
@@ -126,7 +126,7 @@ impl Bench {
         word(&self.log.inputs, 2)
     }
 
-    pub(crate) fn count(&self, counter: CpCounter) -> u64 {
+    pub(crate) fn count(&self, counter: Counter) -> u64 {
         self.log.counter(counter)
     }
 

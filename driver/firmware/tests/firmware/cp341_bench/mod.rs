@@ -8,7 +8,7 @@ use std::rc::Rc;
 
 use ob1_fakes::cp_port::{CpLog, Plug};
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{Cp as _, CpCounter, CpInput, Instant, LineInput, LineSettings, Reason, Span, Wire};
+use ob1_firmware::{Counter, Cp as _, CpInput, Instant, LineInput, LineSettings, Reason, Span, Wire};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
@@ -390,7 +390,7 @@ impl Bench {
         self.port.troubles.reason(self.now, &self.cp)
     }
 
-    pub(crate) fn count(&self, counter: CpCounter) -> u64 {
+    pub(crate) fn count(&self, counter: Counter) -> u64 {
         self.port.counter(counter)
     }
 }

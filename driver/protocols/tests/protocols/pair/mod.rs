@@ -18,7 +18,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine, SplitMix64};
+use ob1_fakes::sim_line::{End, SimConfig, SimEvent, SimLine};
+use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, ModemLines, Order, SendError, Sink, Span, Wire};
 
 /// Virtual time with faults.

@@ -11,7 +11,6 @@ use crate::statistics::{Percentile, SLOPE_NEEDS};
 use crate::units::{amount, time};
 
 /// The report as the text of an HTML page.
-#[must_use]
 pub fn page(r: &Report) -> String {
     let name = escape(&r.station);
     let mut out = format!(

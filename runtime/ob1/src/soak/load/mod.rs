@@ -121,7 +121,6 @@ pub struct LoadReport {
 
 impl LoadReport {
     /// What has been done.
-    #[must_use]
     pub fn done(&self) -> String {
         let mut told = Vec::new();
         for (count, what) in [
