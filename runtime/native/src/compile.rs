@@ -1,8 +1,6 @@
 //! Blocks to machine code.
 
 use std::fmt;
-use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cranelift_codegen::control::ControlPlane;
 use cranelift_codegen::ir::{DebugTag, Function, UserFuncName};
@@ -44,7 +42,6 @@ pub struct Compiler {
     pub(crate) isa: OwnedTargetIsa,
     target: Target,
     tier: Tier,
-    threads: usize,
 }
 
 /// What Cranelift needs to know; with `verify` it checks its input.
@@ -86,7 +83,7 @@ impl Compiler {
     /// # Errors
     /// There is no code for it.
     pub fn new(target: Target, tier: Tier) -> Result<Self, CompileError> {
-        Ok(Self { isa: isa_of(target, tier, cfg!(debug_assertions))?, target, tier, threads: 1 })
+        Ok(Self { isa: isa_of(target, tier, cfg!(debug_assertions))?, target, tier })
     }
 
     /// The code of all blocks of a plan. A block that has none is run by the reference.
@@ -97,38 +94,14 @@ impl Compiler {
         image
     }
 
-    /// The same compiler on so many threads.
-    #[must_use]
-    pub fn with_threads(self, threads: usize) -> Self {
-        Self { threads: threads.max(1), ..self }
-    }
-
     /// Compiles some blocks of a plan. Their code replaces what the image has of them; one that cannot be compiled
     /// keeps what it has.
-    #[expect(clippy::disallowed_methods, reason = "only the process that compiles has more than one thread here")]
     pub fn compile(&self, plan: &Plan, blocks: impl IntoIterator<Item = u32>, image: &mut Image) {
-        let blocks: Vec<u32> = blocks.into_iter().collect();
-        let next = AtomicUsize::new(0);
-        let work = || {
-            let (mut context, mut frontend) = (cranelift_codegen::Context::new(), FunctionBuilderContext::new());
-            let mut made = Vec::new();
-            while let Some(&block) = blocks.get(next.fetch_add(1, Ordering::Relaxed)) {
-                made.push((block, self.block(plan, block, &mut context, &mut frontend).ok()));
-            }
-            made
-        };
-        let made = std::thread::scope(|scope| {
-            let threads = self.threads.min(blocks.len());
-            // Without another thread this one does it all.
-            let others: Vec<_> =
-                (1..threads).filter_map(|_| std::thread::Builder::new().spawn_scoped(scope, work).ok()).collect();
-            let own = work();
-            let theirs =
-                others.into_iter().flat_map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
-            own.into_iter().chain(theirs.collect::<Vec<_>>()).collect::<Vec<_>>()
-        });
-        for (block, code) in made {
-            image.put(block, self.tier, code);
+        let mut context = cranelift_codegen::Context::new();
+        let mut frontend = FunctionBuilderContext::new();
+        for block in blocks {
+            let compiled = self.block(plan, block, &mut context, &mut frontend);
+            image.put(block, self.tier, compiled.ok());
         }
     }
 

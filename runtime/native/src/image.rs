@@ -69,6 +69,16 @@ impl Image {
         }
     }
 
+    /// Takes the blocks that another compiler of the same plan has made.
+    pub fn absorb(&mut self, other: Self) {
+        for (slot, theirs) in self.slots.iter_mut().zip(other.slots) {
+            slot.optimised |= theirs.optimised;
+            if theirs.function.is_some() {
+                slot.function = theirs.function;
+            }
+        }
+    }
+
     /// Machine code of a block; none: the reference runs it.
     #[must_use]
     pub fn code(&self, block: u32) -> Option<&[u8]> {

@@ -124,17 +124,3 @@ fn sealed_code_cannot_be_changed() {
     let denied = std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(&[0x90]));
     assert!(denied.is_err(), "{denied:?}");
 }
-
-/// Code does not depend on how many threads make it.
-#[test]
-fn threads_make_the_same_code() {
-    let cpu = large(40);
-    let code = |threads| {
-        let compiler = Compiler::new(Target::X86_64, Tier::Optimised).expect("a processor Cranelift knows");
-        let image = compiler.with_threads(threads).image(cpu.plan());
-        (0..cpu.plan().blocks.len() as u32).map(|block| image.code(block).expect("code").to_vec()).collect::<Vec<_>>()
-    };
-    let one = code(1);
-    assert_eq!(one, code(2));
-    assert_eq!(one, code(100));
-}

@@ -6,9 +6,13 @@
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
 
+use ob1_cpu::engine::Plan;
 use ob1_native::{Compiler, Image, Order, Target, Tier, fingerprint, hottest, is_large, memory_file, seal};
 use ob1_process::Confinement;
+use ob1_rt::SideThread;
 use ob1_socket::handover;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::Signal;
@@ -57,11 +61,9 @@ fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES], threads: usiz
         let file = seal(file, &image.file(&order)).map_err(text)?;
         handover::send(socket, &[0], &[file.as_fd()]).map_err(text)
     };
-    let compiler = |tier| {
-        let compiler = Compiler::new(Target::Host, tier).map_err(|error| error.to_string())?;
-        Ok::<_, String>(compiler.with_threads(threads))
-    };
-    let mut image = compiler(Tier::Fast)?.image(&plan);
+    let compiler = |tier| Compiler::new(Target::Host, tier).map(Arc::new).map_err(|error| error.to_string());
+    let mut image = Image::empty(&plan);
+    compile(&compiler(Tier::Fast)?, &plan, image.unoptimised(), threads, &mut image);
     send(&image)?;
     let compiler = compiler(Tier::Optimised)?;
     if is_large(&plan) {
@@ -69,13 +71,36 @@ fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES], threads: usiz
         let Some((_, account)) = receive(socket, &mut message)? else { return Ok(()) };
         let first = hottest(&plan, &request::executed(&account, plan.blocks.len())?);
         if !first.is_empty() {
-            compiler.compile(&plan, first, &mut image);
+            compile(&compiler, &plan, first, threads, &mut image);
             send(&image)?;
         }
     }
     let rest = image.unoptimised();
-    compiler.compile(&plan, rest, &mut image);
+    compile(&compiler, &plan, rest, threads, &mut image);
     send(&image)
+}
+
+/// Compiles blocks into an image. Each is compiled by itself: the code does not depend on how many threads there are.
+fn compile(compiler: &Arc<Compiler>, plan: &Arc<Plan>, blocks: Vec<u32>, threads: usize, image: &mut Image) {
+    let most = threads.min(blocks.len());
+    let (compiler, plan, next) = (Arc::clone(compiler), Arc::clone(plan), Arc::new(AtomicUsize::new(0)));
+    let blocks: Arc<[u32]> = blocks.into();
+    let work = move || {
+        let mut part = Image::empty(&plan);
+        let turns = std::iter::from_fn(|| blocks.get(next.fetch_add(1, Ordering::Relaxed)).copied());
+        compiler.compile(&plan, turns, &mut part);
+        part
+    };
+    let (made, parts) = mpsc::channel();
+    let other = || {
+        let (work, made) = (work.clone(), made.clone());
+        SideThread::looking("ob1-compiling", move |_| drop(made.send(work())))
+    };
+    // Without another thread this one does it all.
+    let _others: Vec<_> = (1..most).map_while(|_| other().ok()).collect();
+    image.absorb(work());
+    drop(made);
+    parts.iter().for_each(|part| image.absorb(part));
 }
 
 /// The next message, with its length and what is in its file; none: the other end is closed.
@@ -98,7 +123,6 @@ mod tests {
     use ob1_cpu::{Cpu, CpuConfig, Natives};
     use ob1_native::{NAME, NAME_FAST, NAME_HOTTEST, Native};
     use std::os::fd::OwnedFd;
-    use std::sync::Arc;
 
     use crate::compiling::{Request, send};
 
@@ -140,6 +164,26 @@ mod tests {
             names.extend(files.iter().map(name));
         }
         (names, ended)
+    }
+
+    #[test]
+    fn the_code_does_not_depend_on_the_threads() {
+        let text: String = (1..=30)
+            .map(|n| format!("FUNCTION FC {n} : VOID\nBEGIN\nL MW {n};\n+ 1;\nT MW {n};\nEND_FUNCTION\n"))
+            .collect();
+        let sources = [ob1_stl::Source::new("p.awl", text)];
+        let output = ob1_stl::compile(&sources, &ob1_stl::Library::new(), &ob1_stl::Options::default());
+        let factory = crate::engine::factory(ob1_station_file::EngineChoice::Auto);
+        let cpu = Cpu::new(CpuConfig::default(), &output.program, Vec::new(), Vec::new(), factory).expect("it loads");
+        let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [7; 16] };
+        let compiler = Arc::new(Compiler::new(Target::Host, Tier::Optimised).expect("this processor"));
+        let code = |threads| {
+            let mut image = Image::empty(cpu.plan());
+            compile(&compiler, cpu.plan(), image.unoptimised(), threads, &mut image);
+            assert_eq!((image.blocks(), image.unoptimised()), ((30, 30), Vec::new()));
+            image.file(&order)
+        };
+        assert!(code(1) == code(2) && code(1) == code(100));
     }
 
     /// The account of so many functions, the first of which executes most.
