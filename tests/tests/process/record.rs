@@ -178,6 +178,7 @@ fn the_lines_are_on_the_same_axis() {
         ["record", "station-a.toml", "--signals", "M2.0,DB20.DONE,DB20.NUMBER", "--for", "3s", "--out", "a.ob1trace"];
     let recording = std::thread::scope(|scope| {
         let recording = scope.spawn(|| site.ob1(&args));
+        a.until("it records", |_| site.path("a.ob1trace").exists().then_some(()));
         let done = a.cell("DB20.DONE");
         a.until("more telegrams", |a| (a.cell("DB20.DONE") > done + 5).then_some(()));
         a.driver_process().signal(Signal::KILL);

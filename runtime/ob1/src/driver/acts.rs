@@ -256,7 +256,9 @@ fn torn_outputs(rig: &mut Rig<'_>) -> Checked {
     rig.spoil(&[("outputs.sequence", 0, odd), ("outputs.data", 0, torn)])?;
     rig.hold(Rule::Torn, "a block is taken that is half written", |rig| rig.words().1 == 0)?;
     let beat = word(&rig.segment, "cp.heartbeat", 0);
-    rig.until(Rule::Torn, Span::SECOND, "it waits for the writer", |rig| {
+    // One that has never shown a heartbeat may well go on.
+    let rule = if beat == 0 { Rule::Heartbeat } else { Rule::Torn };
+    rig.until(rule, Span::SECOND, "it waits for the writer", |rig| {
         (word(&rig.segment, "cp.heartbeat", 0) != beat).then_some(())
     })?;
     rig.send(17)
