@@ -267,3 +267,22 @@ fn descriptors_are_handed_over_with_a_message() {
     let file = File::open("/dev/null").unwrap();
     assert!(handover::receive(&file, &mut buffer).is_err(), "no socket");
 }
+
+/// Whatever part of the registers is read, it is that part of them: the short ways and the long one.
+#[test]
+fn a_part_of_the_input_registers_is_that_part() {
+    for io_bytes in [8, 16, 60] {
+        let segment = Segment::heap();
+        let (mut cpu, mut cp) =
+            (CpuSide::create(&segment, io_bytes).expect("a segment"), CpSide::attach(&segment).expect("its other end"));
+        let registers: Vec<u8> = (1..=io_bytes as u8).collect();
+        cp.write_inputs(&registers);
+        for at in 0..io_bytes {
+            for len in 0..=io_bytes - at {
+                let mut part = vec![0xEE; len];
+                assert_eq!(cpu.read_inputs_from(at, &mut part), Freshness::Fresh);
+                assert_eq!(part, registers[at..at + len], "{len} bytes from {at} of {io_bytes}");
+            }
+        }
+    }
+}

@@ -4,15 +4,15 @@ named! {
     /// Operating states of a CPU.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum OperatingState {
-        /// The program does not run, outputs are 0. Access port and modules are served.
+        /// The program does not run, outputs are 0. Links and modules are served.
         #[default]
         Stop = "STOP",
         /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
         Startup = "STARTUP",
         /// The program runs: cycle after cycle.
         Run = "RUN",
-        /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port
-        /// and links are served.
+        /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Links
+        /// are served.
         Hold = "HOLD",
     }
 }

@@ -195,7 +195,7 @@ pub enum Answer {
     Diag(DiagEntry),
     /// Whether a hardware interrupt was taken.
     Interrupt(Result<(), InterruptError>),
-    /// Presence, starts and LEDs of a module.
+    /// Presence and starts of a module.
     Module(ModuleStatus),
     /// The eight bytes of a DATE_AND_TIME.
     Clock([u8; 8]),

@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use super::peer::Failure;
@@ -51,17 +52,24 @@ pub fn measure() -> Result<[Figure; 2], Failure> {
 fn start(ob1: &Path, station: &Path) -> Result<[f64; 2], Failure> {
     let began = Instant::now();
     let mut process = Command::new(ob1).arg("run").arg(station).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
-    let mut lines = BufReader::new(process.stderr.take().ok_or("no log")?).lines();
-    let mut times = [0.0; 2];
-    for (time, mark) in times.iter_mut().zip(MARKS) {
-        let found = lines.by_ref().map_while(Result::ok).take_while(|_| began.elapsed() < GUARD);
-        if !found.into_iter().any(|line| line.contains(mark)) {
-            process.kill()?;
-            return Err(format!("the log does not say {mark:?}").into());
+    let log = BufReader::new(process.stderr.take().ok_or("no log")?);
+    let (said, heard) = mpsc::channel();
+    let reader = std::thread::spawn(move || {
+        for line in log.lines().map_while(Result::ok) {
+            let _ = said.send((line, began.elapsed()));
         }
-        *time = began.elapsed().as_secs_f64() * 1e3;
-    }
+    });
+    let times = MARKS.map(|mark| {
+        while let Ok((line, at)) = heard.recv_timeout(GUARD) {
+            if line.contains(mark) {
+                return Ok(at.as_secs_f64() * 1e3);
+            }
+        }
+        Err(format!("the log does not say {mark:?}"))
+    });
     process.kill()?;
     process.wait()?;
-    Ok(times)
+    let _ = reader.join();
+    let [run, code] = times;
+    Ok([run?, code?])
 }

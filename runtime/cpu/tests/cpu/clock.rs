@@ -36,7 +36,7 @@ fn bench(family: Family, period: Period, more: Vec<CodeBlock>) -> Bench {
     bench
 }
 
-/// Sets the clock by the access port; the next cycle does it.
+/// Sets the clock as a link does; the next cycle does it.
 fn set(client: &mut Client, to: Moment) {
     client.ask(1, [Ask::SetClock(to.to_bytes())]);
 }
