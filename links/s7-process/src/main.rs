@@ -6,6 +6,7 @@
 
 mod coupler;
 mod entries;
+mod haste;
 mod server;
 mod session;
 mod slots;

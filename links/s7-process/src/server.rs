@@ -17,6 +17,7 @@ use tracing::{debug, info, warn};
 
 use crate::coupler::Coupler;
 use crate::entries::Entries;
+use crate::haste::{Haste, SOON};
 use crate::session::Session;
 use crate::slots::{Verdict, admit, of};
 use crate::sockets::{self, PAUSE, is_broken};
@@ -65,6 +66,9 @@ pub(crate) struct Server {
     /// The process is an Ethernet CP too.
     coupler: Option<Coupler>,
     tap: Shared,
+    haste: Haste,
+    /// The session that was served last, if it was the only one.
+    alone: Option<usize>,
 }
 
 /// The result of a wait.
@@ -103,14 +107,16 @@ impl Server {
             diagnosis: None,
             coupler,
             tap: Rc::new(RefCell::new(Tap::new(now))),
+            haste: Haste::new(),
+            alone: None,
         }
     }
 
     /// Runs until SIGTERM, or until the door is closed.
     pub(crate) fn run(&mut self) -> Result<(), DoorError> {
         let mut speaks = true;
+        let mut now = Instant::now();
         while !self.terminate.load(Ordering::Relaxed) {
-            let now = Instant::now();
             self.times(now);
             if speaks {
                 self.door.pump()?;
@@ -120,9 +126,14 @@ impl Server {
             self.serve(now);
             // Requests made in between are sent before the wait.
             self.door.flush()?;
+            if self.comes_at_once(now) {
+                (speaks, now) = (false, Instant::now());
+                continue;
+            }
             let ready = self.wait()?;
             speaks = ready.door;
-            let now = Instant::now();
+            now = Instant::now();
+            self.alone = if let [(index, _)] = *ready.read { Some(index) } else { None };
             // Sessions come first: accepting may close one, and that moves others in the list.
             for (index, broken) in ready.read {
                 if let Some(session) = self.sessions.get_mut(index) {
@@ -399,6 +410,25 @@ impl Server {
         self.sessions.push(Session::new(number(&mut self.next), TcpStream::from(socket), peer, connection, now));
     }
 
+    /// Whether the partner that was served last, alone, has something again, if it is one that asks at once.
+    fn comes_at_once(&mut self, since: Instant) -> bool {
+        if !self.haste.is_awake() {
+            return false;
+        }
+        let Some(session) = self.alone.and_then(|index| self.sessions.get_mut(index)) else { return false };
+        loop {
+            if session.receive(&mut self.buffer, &self.tap, since) {
+                self.haste.came();
+                return true;
+            }
+            if since.elapsed() >= SOON {
+                self.haste.missed();
+                return false;
+            }
+            std::thread::yield_now();
+        }
+    }
+
     fn wait(&mut self) -> Result<Ready, DoorError> {
         let sleeps = self.coupler.as_mut().is_none_or(Coupler::prepare_sleep);
         let ready = self.poll(sleeps);
@@ -408,7 +438,7 @@ impl Server {
         ready
     }
 
-    fn poll(&self, sleeps: bool) -> Result<Ready, DoorError> {
+    fn poll(&mut self, sleeps: bool) -> Result<Ready, DoorError> {
         let mut due = self.beat.min(self.tick);
         let mut fds = Vec::with_capacity(1 + self.listeners.len() + self.sessions.len());
         let door = if self.door.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
@@ -439,6 +469,7 @@ impl Server {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(std::io::Error::from(error).into()),
         }
+        self.haste.slept(now.elapsed());
         let mut ready = Ready { door: fds.first().is_some_and(|fd| !fd.revents().is_empty()), ..Ready::default() };
         let listeners = 1 + self.listeners.len();
         ready.rung = fds.get(sessions).is_some_and(|fd| !fd.revents().is_empty());

@@ -155,11 +155,11 @@ impl Session {
         Tapped::of(self.number, self.peer, false)
     }
 
-    /// Receives data, as much as the machine has room for.
-    pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], tap: &Shared, now: Instant) {
+    /// Receives data, as much as the machine has room for. Returns whether something came, if only the end.
+    pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], tap: &Shared, now: Instant) -> bool {
         let room = self.connection.room().min(READ);
         if room == 0 {
-            return;
+            return false;
         }
         match self.socket.read(&mut buffer[..room]) {
             Ok(0) => self.gone = true,
@@ -170,9 +170,10 @@ impl Session {
                 // Setup alone does not count as work.
                 self.works |= self.connection.counts().jobs > 1;
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => return false,
             Err(_) => self.gone = true,
         }
+        true
     }
 
     /// The partner has broken the connection off. If nothing is read at the moment, this is its end.
