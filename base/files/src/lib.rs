@@ -27,8 +27,10 @@ pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
     if is_fifo(path) {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, NO_FILE));
     }
-    let mut bytes = Vec::new();
-    let read = File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
+    let file = File::open(path)?;
+    let expected = file.metadata()?.len().min(longest);
+    let mut bytes = Vec::with_capacity(expected as usize + 1);
+    let read = file.take(longest + 1).read_to_end(&mut bytes)?;
     if read as u64 > longest {
         let why = format!("it is longer than {} MiB", longest >> 20);
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));

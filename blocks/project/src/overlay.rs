@@ -59,6 +59,9 @@ pub fn announce(images: &[Image], in_source: &dyn Fn(BlockId) -> bool, library: 
 /// # Errors
 /// The blocks that cannot be taken; the others are in.
 pub fn overlay(program: &mut Program, images: &[Image], library: &Library) -> Result<(), Vec<Refused>> {
+    if images.is_empty() {
+        return Ok(());
+    }
     let mut refused = Vec::new();
     let mut interfaces: BTreeMap<BlockId, Interface> =
         program.blocks.iter().map(|block| (block.id, block.interface.clone())).collect();

@@ -112,7 +112,7 @@ impl<'e> Elaborator<'e> {
 
     /// Everything but the statements. Gives the blocks called by bare name.
     pub(crate) fn run(&mut self) -> Vec<Numbered> {
-        self.world.missing = self.library.all_missing().clone();
+        self.world.explain = self.library.explained();
         self.world.names = self.library.names();
         self.name_blocks();
         let demanded = self.demand_blocks();

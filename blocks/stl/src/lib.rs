@@ -115,6 +115,7 @@ use auto::Sets;
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
 use front::{Scope, Statements};
+use parse_scl::Bodies;
 use recognise::Other;
 use token::{File, Span};
 use words::Words;
@@ -195,12 +196,14 @@ pub fn compile_with(sources: &[Source], library: &Library, options: &Options, sc
     );
     let mut blocks = Vec::new();
     for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
-        match other {
-            None => blocks.extend(parser::parse(index, file, sets.of(index), &mut sink)),
-            Some(_) if sets.is_scl(index) => blocks.extend(parser::parse_scl(index, file, sets.of(index), &mut sink)),
-            // Mistakes in another language are not reported.
-            Some(_) => blocks.extend(parser::parse_declarations(index, file, sets.of(index), &mut Sink::new())),
-        }
+        // Mistakes in another language are not reported.
+        let mut unheard = Sink::new();
+        let (bodies, sink) = match other {
+            None => (Bodies::Stl, &mut sink),
+            Some(_) if sets.is_scl(index) => (Bodies::Scl, &mut sink),
+            Some(_) => (Bodies::LeftOut, &mut unheard),
+        };
+        blocks.extend(parser::parse(index, file, sets.of(index), bodies, sink));
     }
     let symbols = symbols::read(&options.symbols, &Words::of_both());
     let mut elaborator = Elaborator::new(&files, &blocks, &sets, library, symbols, &mut sink);
@@ -209,8 +212,8 @@ pub fn compile_with(sources: &[Source], library: &Library, options: &Options, sc
     let demanded = elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);
     let mut whole = options.lints.then(lints::Whole::default);
-    let bodies = Bodies { whole: whole.as_mut(), scl };
-    let code = lower_all(&files, &blocks, &names, &world, &sets, bodies, &mut sink);
+    let extras = Extras { whole: whole.as_mut(), scl };
+    let code = lower_all(&files, &blocks, &names, &world, &sets, extras, &mut sink);
     if let Some(whole) = whole {
         whole.finish(&mut sink);
     }
@@ -258,9 +261,9 @@ fn file<'t>(index: usize, text: &'t str, other: Option<Other>, scl: bool, sink: 
 }
 
 /// What statements are compiled with besides names.
-struct Bodies<'b> {
-    whole: Option<&'b mut lints::Whole>,
-    scl: Option<&'b dyn Statements>,
+struct Extras<'e> {
+    whole: Option<&'e mut lints::Whole>,
+    scl: Option<&'e dyn Statements>,
 }
 
 /// The code blocks, and the instance data blocks that calls name but no source declares.
@@ -272,10 +275,10 @@ fn lower_all(
     names: &[Option<Named>],
     world: &World,
     sets: &Sets,
-    bodies: Bodies<'_>,
+    extras: Extras<'_>,
     sink: &mut Sink,
 ) -> Lowered {
-    let Bodies { whole: lints, scl } = bodies;
+    let Extras { whole: lints, scl } = extras;
     let ids: Vec<Option<BlockId>> =
         names.iter().map(|n| n.and_then(|(w, n)| Some(BlockId::new(w.kind()?, n)))).collect();
     let mut labels = BTreeMap::new();

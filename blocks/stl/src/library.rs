@@ -1,6 +1,6 @@
 //! Interfaces of blocks that come from elsewhere: plugins, system blocks, blocks in Rust.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_model::{BlockId, Interface};
 
@@ -61,9 +61,12 @@ impl Missing {
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     blocks: BTreeMap<BlockId, LibraryBlock>,
-    missing: BTreeMap<BlockId, Missing>,
+    /// What is said of blocks that are not here.
+    explain: Option<fn(BlockId) -> Option<Missing>>,
     /// Names in capitals of blocks that are not here, with their usual number.
     named: BTreeMap<String, BlockId>,
+    /// The usual numbers, those of blocks with the same name too.
+    usual: BTreeSet<BlockId>,
     /// Blocks by their name in capitals that come when a program calls them by it, under their usual number.
     on_demand: BTreeMap<String, (BlockId, LibraryBlock)>,
 }
@@ -95,6 +98,7 @@ impl Library {
     /// The usual name of a block that is not here: a program that uses the name without a symbol table gets the
     /// block's number.
     pub fn name(&mut self, id: BlockId, name: &str) {
+        self.usual.insert(id);
         self.named.entry(name.to_uppercase()).or_insert(id);
     }
 
@@ -119,7 +123,7 @@ impl Library {
 
     /// The numbers of all blocks that are here or usual.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = BlockId> {
-        self.blocks.keys().chain(self.missing.keys()).chain(self.named.values()).copied()
+        self.blocks.keys().chain(&self.usual).copied()
     }
 
     /// A block by kind and number.
@@ -127,13 +131,13 @@ impl Library {
         self.blocks.get(&id)
     }
 
-    /// A call of the block, which neither program nor library have, is to be reported with these words.
-    pub fn explain(&mut self, id: BlockId, missing: Missing) {
-        self.missing.insert(id, missing);
+    /// Who knows what is to be said of calls of blocks that neither program nor library have.
+    pub fn explain(&mut self, explain: fn(BlockId) -> Option<Missing>) {
+        self.explain = Some(explain);
     }
 
-    pub(crate) const fn all_missing(&self) -> &BTreeMap<BlockId, Missing> {
-        &self.missing
+    pub(crate) const fn explained(&self) -> Option<fn(BlockId) -> Option<Missing>> {
+        self.explain
     }
 
     /// All blocks in order.

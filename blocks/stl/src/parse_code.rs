@@ -38,6 +38,7 @@ impl Parser<'_, '_> {
             line: head.line,
         };
         if matches!(row.shape, Shape::Call(_)) {
+            self.calls.push(self.statements.len() as u32);
             statement.operand = self.call_target();
             self.list_behind(&mut statement);
             statement.broken_list = !self.actuals(&mut statement.args);

@@ -113,22 +113,9 @@ pub(crate) fn is_frame_or_section(word: &str) -> bool {
     FRAMES.iter().any(|(begin, _, _)| *begin == word) || Section::WORDS.iter().any(|(_, begin)| *begin == word)
 }
 
-/// Parses one file of STL.
-pub(crate) fn parse(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::Stl };
-    parser.file()
-}
-
-/// Parses the declarations of a file of SCL; each block keeps the tokens of its statements.
-pub(crate) fn parse_scl(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::Scl };
-    parser.file()
-}
-
-/// Parses the declarations of a file alone: its statements are of another language.
-pub(crate) fn parse_declarations(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0, bodies: Bodies::LeftOut };
-    parser.file()
+/// Parses one file.
+pub(crate) fn parse(index: usize, file: &File<'_>, words: &Words, bodies: Bodies, sink: &mut Sink) -> Vec<Block> {
+    Parser { index, file, words, sink, at: 0, bodies, statements: Vec::new(), calls: Vec::new() }.file()
 }
 
 pub(crate) struct Parser<'p, 's> {
@@ -138,6 +125,9 @@ pub(crate) struct Parser<'p, 's> {
     pub(crate) sink: &'p mut Sink,
     pub(crate) at: usize,
     pub(crate) bodies: Bodies,
+    /// The statements of the block under way, and which of them are calls.
+    pub(crate) statements: Vec<Statement>,
+    pub(crate) calls: Vec<u32>,
 }
 
 impl<'s> Parser<'_, 's> {
@@ -268,6 +258,7 @@ impl<'s> Parser<'_, 's> {
             shape: None,
             assignments: Vec::new(),
             statements: Vec::new(),
+            calls: Vec::new(),
             read_only: false,
             non_retain: false,
         };
@@ -281,6 +272,8 @@ impl<'s> Parser<'_, 's> {
             block.scl = (self.bodies == Bodies::Scl).then_some(from..self.at);
         }
         self.body(&mut block, end, head);
+        block.statements = self.statements.drain(..).collect();
+        block.calls = self.calls.drain(..).collect();
         name.map(|_| block)
     }
 
@@ -563,7 +556,7 @@ impl<'s> Parser<'_, 's> {
                 _ => {
                     network = network.max(1);
                     let statement = self.statement(network);
-                    block.statements.extend(statement);
+                    self.statements.extend(statement);
                 }
             }
         }

@@ -62,6 +62,8 @@ pub struct Block {
     /// `x := 5;` after BEGIN of a DB.
     pub assignments: Vec<Assignment>,
     pub statements: Vec<Statement>,
+    /// Those of them that are calls.
+    pub(crate) calls: Vec<u32>,
     pub read_only: bool,
     /// `NON_RETAIN` in the head, not behind the word of a section.
     pub non_retain: bool,
@@ -75,6 +77,11 @@ impl Block {
             NameRef::Absolute(..) => None,
         };
         self.header_name.clone().or(symbol)
+    }
+
+    /// The statements that are calls.
+    pub(crate) fn calls(&self) -> impl Iterator<Item = &Statement> {
+        self.calls.iter().filter_map(|at| self.statements.get(*at as usize))
     }
 
     /// The declarations of `VAR_INPUT`.

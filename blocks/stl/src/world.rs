@@ -149,7 +149,7 @@ pub struct World {
     pub symbols: BTreeMap<String, Symbolic>,
     pub fields: FieldIndex,
     /// What the library says of blocks it does not have.
-    pub missing: BTreeMap<BlockId, Missing>,
+    pub explain: Option<fn(BlockId) -> Option<Missing>>,
     /// Names in capitals of the library's blocks, and of those that usually have one.
     pub names: BTreeMap<String, BlockId>,
     /// The program's own blocks, those with mistakes too.
@@ -163,7 +163,7 @@ pub struct World {
 impl World {
     /// What to say of a block that neither program nor library have, and what to do.
     pub fn unknown_block(&self, id: BlockId) -> Missing {
-        self.missing.get(&id).cloned().unwrap_or_else(|| Missing {
+        self.explain.and_then(|explain| explain(id)).unwrap_or_else(|| Missing {
             message: match id.kind {
                 BlockKind::Fb => {
                     format!("{id} and its instances: {USES}, and neither the program nor the library has it")

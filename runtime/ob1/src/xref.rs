@@ -1,6 +1,7 @@
 //! `ob1 xref`: who reads and writes what; who calls whom; what is free, unused, written twice.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 use ob1_ir::Program;
@@ -199,7 +200,11 @@ fn asked(args: &XrefArgs) -> Result<Asked, Vec<Finding>> {
             LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
         })?;
         let library = program::library(&loaded.plugins, &loaded.standard)?;
-        return Ok(Asked { set: args.mnemonics.or(loaded.mnemonics), program: loaded.program, library });
+        return Ok(Asked {
+            set: args.mnemonics.or(loaded.mnemonics),
+            program: Arc::unwrap_or_clone(loaded.program),
+            library,
+        });
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
     let plugins = program::load_plugins(&plugins)?;

@@ -7,7 +7,7 @@ use ob1_cpu::LoadError;
 use ob1_host::plugin::Plugin;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
-use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks, system_functions};
+use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks};
 use ob1_stl::{CANDIDATES, Candidate, KEY, Library, Missing, USES};
 
 use ob1_station_file::finding::{Finding, Level};
@@ -17,30 +17,34 @@ use ob1_station_file::library::Choice;
 const UNSERVED: &str = "L020";
 const MANUAL: &str = "docs/standard-blocks.md";
 
-/// Tells the compiler what to say of calls of blocks that are not in the library.
+/// Tells the compiler the names of blocks that are not in the library, those it may take from there, and what to say of
+/// calls of the others.
 pub fn explain_missing(library: &mut Library) {
-    let blocks = standard_blocks();
-    let offered: Vec<BlockId> = system_functions().iter().map(|block| block.id).collect();
     for kind in [BlockKind::Sfc, BlockKind::Sfb] {
         for id in (0..=u16::from(u8::MAX)).map(|number| BlockId::new(kind, number)) {
-            let Some(name) = known_system_function(id) else { continue };
-            library.name(id, name);
-            if !offered.contains(&id) {
-                library.explain(id, lacking(id, name));
+            if let Some(name) = known_system_function(id) {
+                library.name(id, name);
             }
         }
     }
-    let mut by_number: BTreeMap<BlockId, Vec<&StandardBlock>> = BTreeMap::new();
-    for block in blocks.iter().filter(|block| block.origin != Origin::System) {
+    for block in standard_blocks().into_iter().filter(|block| block.origin != Origin::System) {
         library.name(block.id, block.name);
         if !block.origin.is_declared_only() {
-            library.offer(block.id, block.name, block.interface.clone());
+            library.offer(block.id, block.name, block.interface);
         }
-        by_number.entry(block.id).or_default().push(block);
     }
-    for (id, candidates) in by_number {
-        library.explain(id, to_be_chosen(id, &candidates));
+    library.explain(missing);
+}
+
+fn missing(id: BlockId) -> Option<Missing> {
+    let blocks = standard_blocks();
+    if let Some(name) = known_system_function(id) {
+        let is_offered = blocks.iter().any(|block| block.origin == Origin::System && block.id == id);
+        return (!is_offered).then(|| lacking(id, name));
     }
+    let others = |block: &&StandardBlock| block.origin != Origin::System && block.id == id;
+    let candidates: Vec<_> = blocks.iter().filter(others).collect();
+    (!candidates.is_empty()).then(|| to_be_chosen(id, &candidates))
 }
 
 fn lacking(id: BlockId, name: &str) -> Missing {

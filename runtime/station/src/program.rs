@@ -31,7 +31,7 @@ use ob1_station_file::{self, Station};
 #[derive(Debug)]
 pub struct Loaded {
     /// The program of all sources.
-    pub program: Program,
+    pub program: Arc<Program>,
     /// The plugins and the renumbering of their blocks.
     pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
     /// Standard blocks of libraries.
@@ -120,7 +120,8 @@ impl Loaded {
     #[must_use]
     pub fn new(compiled: Compiled, plugins: Plugins, chosen: &[Choice]) -> Self {
         let Compiled { program, findings, numbers, demanded, mnemonics } = compiled;
-        Self { standard: in_use(&program, chosen, &demanded), program, plugins, findings, numbers, mnemonics }
+        let (standard, program) = (in_use(&program, chosen, &demanded), Arc::new(program));
+        Self { standard, program, plugins, findings, numbers, mnemonics }
     }
 
     /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each of the

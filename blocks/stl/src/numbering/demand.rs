@@ -5,7 +5,6 @@ use ob1_model::BlockId;
 use super::Numbered;
 use crate::elaborate::Elaborator;
 use crate::identifiers::BlockWord;
-use crate::mnemonics::Shape;
 use crate::parser::unquote;
 use crate::syntax::Block;
 use crate::token::{File, Kind};
@@ -58,8 +57,7 @@ impl Elaborator<'_> {
         for block in self.blocks {
             let (Some(file), words) = (self.files.get(block.file), self.sets.of(block.file)) else { continue };
             self.demand_scl(file, block, &mut demanded);
-            let calls = block.statements.iter().filter(|s| s.row.is_some_and(|r| matches!(r.shape, Shape::Call(_))));
-            for statement in calls {
+            for statement in block.calls() {
                 let Some(token) = file.tokens.get(statement.operand.start).filter(|t| t.kind == Kind::Word) else {
                     continue;
                 };

@@ -14,7 +14,6 @@ use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::identifiers::BlockWord;
 use crate::library::Library;
-use crate::mnemonics::Shape;
 use crate::parser::{split_digits, unquote};
 use crate::syntax::{Frame, NameRef};
 use crate::token::{File, Kind, Span};
@@ -111,8 +110,7 @@ impl Elaborator<'_> {
                     wanted.entry(key).or_insert_with(|| Wanted { name: name.to_owned(), word, file, span });
                 }
             }
-            let calls = block.statements.iter().filter(|s| s.row.is_some_and(|r| matches!(r.shape, Shape::Call(_))));
-            for statement in calls {
+            for statement in block.calls() {
                 let tokens = file.tokens.get(statement.operand.clone()).unwrap_or_default();
                 let Some(comma) = tokens.iter().position(|t| t.kind == Kind::Comma) else { continue };
                 let Some(symbol) = tokens.iter().skip(comma + 1).find(|t| t.kind != Kind::Newline) else { continue };

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 
 use ob1_ir::Program;
 use ob1_model::{BlockId, Interface};
@@ -141,7 +142,7 @@ fn station(path: &Path) -> Result<(Program, Library), String> {
         LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => told(&findings),
     })?;
     let library = program::library(&loaded.plugins, &loaded.standard).map_err(|findings| told(&findings))?;
-    Ok((loaded.program, library))
+    Ok((Arc::unwrap_or_clone(loaded.program), library))
 }
 
 fn sources(path: &Path) -> Result<(Program, Library), String> {

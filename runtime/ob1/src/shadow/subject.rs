@@ -73,7 +73,7 @@ impl Subject {
         let station = ob1_station_file::load(path).map_err(told)?;
         let loaded = program::load(&station).map_err(|failure| told(failure.findings().to_vec()))?;
         let library = program::library(&loaded.plugins, &loaded.standard).map_err(told)?;
-        let xref = CrossReference::new(Arc::new(loaded.program.clone()), &library);
+        let xref = CrossReference::new(Arc::clone(&loaded.program), &library);
         let (mut config, name) = (station.cpu, station.name);
         let clock_memory = config.clock_memory.take();
         config.min_cycle = config.min_cycle.max(SHORTEST_CYCLE);

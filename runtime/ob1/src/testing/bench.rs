@@ -1,5 +1,7 @@
 //! A CPU on the bench: modules over memory of this process, virtual time, one scan at a time.
 
+use std::sync::Arc;
+
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_backplane::{IoField, IoImage};
 use ob1_cpu::{Attention, Cell, Clock, Command, Cpu, CpuConfig, OperatingState, Width};
@@ -335,7 +337,7 @@ pub(crate) fn bare_config(min_cycle: Span) -> CpuConfig {
 /// A program with what its natives come from.
 pub(crate) fn loaded(program: Program, of: &Loaded) -> Loaded {
     Loaded {
-        program,
+        program: Arc::new(program),
         plugins: of.plugins.clone(),
         standard: of.standard.clone(),
         findings: Vec::new(),

@@ -155,7 +155,7 @@ impl<'p> Ready<'p> {
                 let (program, harness) = subject.with_call(call, source)?;
                 (program, Some(harness))
             }
-            None => (subject.loaded.program.clone(), None),
+            None => (Program::clone(&subject.loaded.program), None),
         };
         let names = Names::new(&program);
         let resolver = Resolver { names: &names, program: &program, harness: harness.as_ref() };

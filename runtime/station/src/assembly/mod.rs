@@ -260,7 +260,7 @@ pub fn assemble(
     let library = program::library(&loaded.plugins, &station.program.library)
         .map_err(|findings| AssemblyError::Load(LoadFailure::Rejected(findings)))?;
     let library = Arc::new(library);
-    let sources = Arc::new(loaded.program.clone());
+    let sources = Arc::clone(&loaded.program);
     let (now, changes) = restored(station, &sources, &library, &around);
     let compiles = station.engine == EngineChoice::Auto;
     let compile = compiles.then(|| Request::new(&config, Arc::clone(&now), &natives));

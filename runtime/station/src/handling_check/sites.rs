@@ -152,6 +152,9 @@ pub(super) fn called(call: &Call) -> Option<BlockId> {
 
 /// All calls of handling blocks in blocks that run.
 pub(super) fn sites<'a>(program: &'a Program, blocks: &'a BTreeMap<BlockId, Handling<'a>>) -> Vec<Site<'a>> {
+    if blocks.is_empty() {
+        return Vec::new();
+    }
     let reached = reached(program);
     let mut sites = Vec::new();
     for caller in program.blocks.iter().filter(|block| reached.contains(&block.id)) {
