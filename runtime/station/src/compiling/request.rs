@@ -53,13 +53,12 @@ macro_rules! sizes {
     }};
 }
 
-/// A request as it is sent.
+/// The first line of a request as it is sent. The program follows in its file form.
 #[derive(Deserialize, Serialize)]
-struct Sent {
+struct Head {
     sizes: Sizes,
-    /// In the file form of programs; the native blocks as blocks without statements.
-    program: String,
-    natives: String,
+    /// So many of its blocks, the first ones, are the native blocks, without statements.
+    natives: usize,
 }
 
 impl Request {
@@ -90,8 +89,9 @@ impl Request {
             source: 0,
         };
         let natives = Program { blocks: self.natives.iter().map(block).collect(), ..Program::default() };
-        let sent = Sent { sizes: self.sizes, program: ob1_ir::write(&self.program), natives: ob1_ir::write(&natives) };
-        serde_json::to_vec(&sent).map_err(|error| error.to_string())
+        let head = Head { sizes: self.sizes, natives: natives.blocks.len() };
+        let head = serde_json::to_string(&head).map_err(|error| error.to_string())?;
+        Ok([head, ob1_ir::write(&natives), ob1_ir::write(&self.program)].join("\n").into_bytes())
     }
 }
 
@@ -100,12 +100,14 @@ impl Request {
 /// # Errors
 /// It is not a request, or its program cannot be loaded.
 pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
-    let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-    let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;
-    let natives = ob1_ir::parse(&sent.natives).map_err(|error| format!("native blocks: {error}"))?;
-    let config = sizes!(CpuConfig, sent.sizes, ..CpuConfig::default());
+    let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
+    let (head, text) = text.split_once('\n').ok_or("there is no program")?;
+    let head: Head = serde_json::from_str(head).map_err(|error| error.to_string())?;
+    let mut program = ob1_ir::parse(text).map_err(|error| format!("the program: {error}"))?;
+    let config = sizes!(CpuConfig, head.sizes, ..CpuConfig::default());
     let known = |block: CodeBlock| Box::new(Known(block.id, block.interface)) as Box<dyn NativeBlock>;
-    let natives: Vec<_> = natives.blocks.into_iter().map(known).collect();
+    let own = program.blocks.split_off(head.natives.min(program.blocks.len()));
+    let natives: Vec<_> = std::mem::replace(&mut program.blocks, own).into_iter().map(known).collect();
     let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE);
     cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| LoadError::together(&errors))
 }
@@ -208,8 +210,14 @@ mod tests {
 
     #[test]
     fn what_is_no_request_is_refused() {
-        for bytes in [&b""[..], b"{}", b"\xFF\xFF", br#"{"sizes":{},"program":"","natives":""}"#] {
+        for bytes in [&b""[..], b"{}", b"\xFF\xFF", b"{\"sizes\":{},\"natives\":0}\n"] {
             assert!(plan(bytes).is_err());
+        }
+        let none = Request::new(&CpuConfig::default(), Arc::default(), &Natives::default()).write().expect("written");
+        assert!(plan(&none).is_ok());
+        let text = String::from_utf8(none).expect("text");
+        for bytes in [text.lines().next().expect("a head").to_owned(), text.replace('\n', "\nno block\n")] {
+            assert!(plan(bytes.as_bytes()).is_err(), "{bytes}");
         }
     }
 }
