@@ -3,7 +3,7 @@
 pub use crate::dp::{DpConfig, DpSlave};
 use crate::gpio::config::GpioConfig;
 pub use crate::nanos;
-pub use ob1_protocols::modbus::pdu::{exception_remedy, exception_text};
+pub use ob1_protocols::modbus::exception::{exception_remedy, exception_text};
 pub use ob1_protocols::{Instant, LineSettings, Parity, Span, StopBits};
 use serde::{Deserialize, Serialize};
 

@@ -4,12 +4,12 @@
 // All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod bus_log;
 mod gpio;
 mod line;
 mod process;
 mod reopening;
 mod scan;
-mod told;
 
 use std::process::ExitCode;
 

@@ -14,9 +14,9 @@ use ob1_line::{Instant, PollFds, Span};
 use rustix::event::{PollFd, PollFlags};
 use tracing::warn;
 
+use crate::bus_log::Told;
 use crate::gpio::Gpio;
 use crate::line::Line;
-use crate::told::Told;
 
 /// Time for switching off the outputs of the couplers at the end.
 const LAST_OUTPUTS: Span = Span::from_millis(500);

@@ -3,7 +3,8 @@
 
 use ob1_serial::Span;
 
-use crate::keyed::{ATTEMPTS, CHARACTER, CLEAR, Key341, Protocols, baud, choice, number, qvz, zvz_of_3964};
+use crate::keyed::{CHARACTER, CLEAR, Key341, Protocols, baud, choice, number};
+use crate::keys_3964::{ATTEMPTS, qvz, zvz_of_3964};
 use crate::{cp341_ascii, printer};
 
 /// Longest telegram of a CP 340 in bytes. [CP 340 manual 04/2011, p. 67]

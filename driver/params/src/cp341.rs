@@ -10,10 +10,8 @@ use ob1_serial::{LineSettings, Span};
 use crate::cp240::Priority;
 use crate::cp341_ascii::{self, AsciiOf341};
 use crate::cp341_modbus::{self, ModbusMaster32};
-use crate::keyed::{
-    ATTEMPTS, CHARACTER, CLEAR, Key341, Kind341, Protocols, Reader, baud, choice, error, line_of, qvz, written,
-    zvz_of_3964,
-};
+use crate::keyed::{CHARACTER, CLEAR, Key341, Kind341, Protocols, Reader, baud, choice, error, line_of, written};
+use crate::keys_3964::{ATTEMPTS, qvz, zvz_of_3964};
 use crate::kind::CpKind;
 use crate::printer::Printer;
 use crate::{cp340, printer};

@@ -80,24 +80,6 @@ pub(crate) const CHARACTER: &[Key341; 3] = &[
     choice("stop_bits", &["1", "2"], "1", "stop bits"),
 ];
 
-/// ZVZ of 3964(R), at least `least` milliseconds.
-pub(crate) const fn zvz_of_3964(least: i64) -> Key341 {
-    number("zvz_ms", (least, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram")
-}
-
-/// QVZ, at least `least` milliseconds.
-pub(crate) const fn qvz(least: i64) -> Key341 {
-    let text = "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without";
-    number("qvz_ms", (least, 65_530, 10), "", text)
-}
-
-/// Attempts and priority of 3964(R).
-pub(crate) const ATTEMPTS: &[Key341; 3] = &[
-    number("connect_attempts", (1, 255, 1), "6", "attempts to get a connection, the first included"),
-    number("block_attempts", (1, 255, 1), "6", "attempts to get a telegram through, the first included"),
-    choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
-];
-
 /// The key of the receive buffer at a start-up: CP 340.
 pub(crate) const CLEAR: &str = "clear_buffer";
 

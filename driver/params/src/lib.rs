@@ -23,6 +23,7 @@ mod cp341_ascii;
 mod cp341_modbus;
 mod error;
 mod keyed;
+mod keys_3964;
 mod kind;
 pub mod printer;
 mod record;

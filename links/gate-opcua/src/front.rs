@@ -24,8 +24,8 @@ use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::chunks::{Talk, error, length};
+use crate::client_places::Seats;
 use crate::limits;
-use crate::seats::Seats;
 
 /// Time for the last answers on a connection that ends.
 const PATIENCE: Duration = Duration::from_secs(5);

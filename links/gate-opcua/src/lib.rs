@@ -6,9 +6,9 @@
 
 mod attributes;
 mod auth;
-mod beat;
 mod bounded;
 mod chunks;
+mod client_places;
 mod events;
 mod front;
 mod leave;
@@ -17,9 +17,9 @@ mod manager;
 mod monitor;
 mod nodes;
 mod pki;
+mod publish_times;
 mod range;
 mod sample;
-mod seats;
 mod space;
 mod value;
 mod watched;
@@ -41,11 +41,11 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 
 use crate::auth::Auth;
+use crate::client_places::Seats;
 use crate::front::Front;
 use crate::manager::Manager;
 use crate::monitor::Monitor;
 use crate::pki::Pki;
-use crate::seats::Seats;
 
 /// How often to check whether a server must be restarted.
 const LOOK: Duration = Duration::from_secs(1);
@@ -232,7 +232,7 @@ impl Running {
                 let (ended, over) = oneshot::channel::<()>();
                 let intervals = || monitor.intervals(&subscriptions);
                 let served = async {
-                    let served = beat::conduct(server.run_with(inner), monitor.pace(), intervals).await;
+                    let served = publish_times::conduct(server.run_with(inner), monitor.pace(), intervals).await;
                     drop(ended);
                     served
                 };

@@ -23,12 +23,12 @@ use tokio::sync::Semaphore;
 
 use crate::attributes::Attributes;
 use crate::auth::Auth;
+use crate::client_places::Seats;
 use crate::limits;
 use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
 use crate::range::watchable;
 use crate::sample::{attribute_value, bad, in_part, refused, sample, stamped, status};
-use crate::seats::Seats;
 use crate::space::{METHODS, Node, ROOT, Sizes, Space};
 use crate::value::{attempt, datum, unfit, weight};
 

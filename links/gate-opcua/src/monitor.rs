@@ -18,9 +18,9 @@ use parking_lot::Mutex;
 use tokio::sync::{Notify, watch};
 use tokio::task::AbortHandle;
 
-use crate::beat::Pace;
 use crate::events;
 use crate::limits;
+use crate::publish_times::Pace;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;

@@ -4,9 +4,9 @@
 // All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod busy_wait;
 mod coupler;
 mod entries;
-mod haste;
 mod server;
 mod session;
 mod slots;

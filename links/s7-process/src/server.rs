@@ -15,9 +15,9 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use tracing::{debug, info, warn};
 
+use crate::busy_wait::{BusyWait, SOON};
 use crate::coupler::Coupler;
 use crate::entries::Entries;
-use crate::haste::{Haste, SOON};
 use crate::session::Session;
 use crate::slots::{Verdict, admit, of};
 use crate::sockets::{self, PAUSE, is_broken};
@@ -66,7 +66,7 @@ pub(crate) struct Server {
     /// The process is an Ethernet CP too.
     coupler: Option<Coupler>,
     tap: Shared,
-    haste: Haste,
+    busy_wait: BusyWait,
     /// The session that was served last, if it was the only one.
     alone: Option<usize>,
 }
@@ -107,7 +107,7 @@ impl Server {
             diagnosis: None,
             coupler,
             tap: Rc::new(RefCell::new(Tap::new(now))),
-            haste: Haste::new(),
+            busy_wait: BusyWait::new(),
             alone: None,
         }
     }
@@ -412,17 +412,17 @@ impl Server {
 
     /// Whether the partner that was served last, alone, has something again, if it is one that asks at once.
     fn comes_at_once(&mut self, since: Instant) -> bool {
-        if !self.haste.is_awake() {
+        if !self.busy_wait.is_awake() {
             return false;
         }
         let Some(session) = self.alone.and_then(|index| self.sessions.get_mut(index)) else { return false };
         loop {
             if session.receive(&mut self.buffer, &self.tap, since) {
-                self.haste.came();
+                self.busy_wait.came();
                 return true;
             }
             if since.elapsed() >= SOON {
-                self.haste.missed();
+                self.busy_wait.missed();
                 return false;
             }
             std::thread::yield_now();
@@ -469,7 +469,7 @@ impl Server {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(std::io::Error::from(error).into()),
         }
-        self.haste.slept(now.elapsed());
+        self.busy_wait.slept(now.elapsed());
         let mut ready = Ready { door: fds.first().is_some_and(|fd| !fd.revents().is_empty()), ..Ready::default() };
         let listeners = 1 + self.listeners.len();
         ready.rung = fds.get(sessions).is_some_and(|fd| !fd.revents().is_empty());

@@ -342,7 +342,7 @@ impl Cpu {
         if self.machine.interrupts.fire(request) {
             return Ok(());
         }
-        self.context(clock).request_error(slot, crate::events::Late::Waiting)
+        self.context(clock).request_error(slot, crate::error_obs::Late::Waiting)
     }
 
     fn clock_memory(&mut self) {

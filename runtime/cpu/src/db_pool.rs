@@ -4,7 +4,7 @@
 //! there.
 
 use crate::arena::{ArenaByte, Db, Range};
-use crate::made::{Attributes, Made};
+use crate::made_data_blocks::{Attributes, Made};
 use crate::memory::Memory;
 
 /// Why no data block can be made.

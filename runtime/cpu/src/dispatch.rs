@@ -7,7 +7,7 @@ use ob1_time::Span;
 
 use crate::context::Context;
 use crate::engine::{Callee, Entry};
-use crate::events::Late;
+use crate::error_obs::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
 use crate::native;
 use crate::recording::ObRun;

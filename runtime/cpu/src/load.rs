@@ -16,18 +16,18 @@ use crate::engine::{
 use crate::force::Force;
 use crate::holding::Debugging;
 use crate::interrupts::{Diagnoses, Interrupts};
-use crate::keep::Keep;
 use crate::log::LogWriter;
 use crate::machine::{Attention, Machine, Watchdog};
 use crate::natives::Native;
 use crate::nesting::Nesting;
-use crate::obs::ObRecords;
+use crate::organization_blocks::ObRecords;
 use crate::points::Points;
+use crate::retentive_ranges::Keep;
 use crate::service_state::ServiceState;
 use crate::stacks::Stacks;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
-use crate::wall::{Shown, Wall};
+use crate::wall_clock::{Shown, Wall};
 use crate::watching::Watching;
 use crate::{
     Cpu, CpuConfig, DiagBuffer, LoadError, MOST_STACK_BYTES, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives,

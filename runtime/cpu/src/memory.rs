@@ -9,7 +9,7 @@ use ob1_model::cells;
 
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
 use crate::engine::Areas;
-use crate::made::Made;
+use crate::made_data_blocks::Made;
 use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.

@@ -6,9 +6,9 @@
 //! it on a disk is the caller's task. Images of version 1 are read, too (`retentive_v1.rs`).
 
 use crate::arena::Range;
-use crate::keep::{Hash, Keep, common};
-use crate::made::Attributes;
+use crate::made_data_blocks::Attributes;
 use crate::memory::Memory;
+use crate::retentive_ranges::{Hash, Keep, common};
 use crate::timers::{Counter, Timer};
 use crate::{Cpu, OperatingState, retentive_v1};
 

@@ -12,9 +12,9 @@ use ob1_ir::Program;
 use ob1_model::BlockKind;
 
 use crate::arena::Range;
-use crate::keep::{Hash, Keep, common};
 use crate::memory::Memory;
 use crate::retentive::{Piece, Reader, What, Why};
+use crate::retentive_ranges::{Hash, Keep, common};
 
 /// The version in the image.
 pub(crate) const VERSION: u32 = 1;

@@ -14,7 +14,7 @@ use crate::Family;
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
-use crate::made::Attributes;
+use crate::made_data_blocks::Attributes;
 use crate::modules::{Plugged, SLOT};
 use crate::service_state::Course;
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use ob1_ir::{CodeBlock, DataBlock, Program};
 use ob1_model::BlockId;
 
-use crate::carry::Carry;
+use crate::carried_values::Carry;
 use crate::engine::{Factory, Plan};
 use crate::load::{Prepared, Surroundings};
 use crate::{Cpu, LoadError, OperatingState};

@@ -12,7 +12,7 @@ use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
 use crate::szl_outside;
 use crate::szl_record::{Each, Length, Record};
-use crate::wall::Wall;
+use crate::wall_clock::Wall;
 use crate::{DiagEntry, Family, ModuleEntry, OperatingState};
 
 /// The lists there are, for list 0000h: those of an S7-300 with a PROFINET interface, because programming devices offer

@@ -15,6 +15,7 @@ use ob1_station::assembly;
 use ob1_station::compiling;
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::numbers;
+use ob1_station::plugins;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
 use ob1_station::source_view;
@@ -175,7 +176,7 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
         return Checked { findings: vec![finding], ..Checked::default() };
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
-    let loaded = match program::load_plugins(&plugins) {
+    let loaded = match plugins::load(&plugins) {
         Ok(loaded) => loaded,
         Err(findings) => return Checked { findings, ..Checked::default() },
     };

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use crate::check::misplaced;
 use crate::exit::Exit;
 use crate::language::Language;
+use ob1_station::plugins;
 use ob1_station::program::{self, LoadFailure};
 use ob1_station_file::finding::{Finding, Level};
 use ob1_station_file::findings::UNKNOWN_NAME;
@@ -207,7 +208,7 @@ fn asked(args: &XrefArgs) -> Result<Asked, Vec<Finding>> {
         });
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
-    let plugins = program::load_plugins(&plugins)?;
+    let plugins = plugins::load(&plugins)?;
     let standard = Chosen::settled(&args.library)?;
     let library = program::library(&plugins, &standard)?;
     let sources = Sources {

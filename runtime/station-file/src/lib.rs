@@ -15,7 +15,6 @@ mod devices;
 mod dp;
 mod dp_master;
 mod duration;
-mod elsewhere;
 mod engine;
 pub mod finding;
 pub mod findings;
@@ -26,6 +25,7 @@ mod keys;
 pub mod library;
 mod line;
 mod link;
+mod misplaced_keys;
 mod modules;
 mod mqtt;
 mod pattern;
@@ -146,7 +146,7 @@ fn tables(source: Text<'_>, folder: &Path) -> Result<tables::StationFile, Vec<Fi
             let (message, remedy) = ("this is a test file, not a station file", "`ob1 test` runs it");
             return vec![Finding::whole(Level::Error, findings::SYNTAX, source.file, message, remedy)];
         }
-        vec![findings::of_toml(source, &error, "docs/station-file.md", elsewhere::remedy)]
+        vec![findings::of_toml(source, &error, "docs/station-file.md", misplaced_keys::remedy)]
     })?;
     pattern::expand(&mut file, source, folder)?;
     Ok(file)

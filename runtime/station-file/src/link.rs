@@ -13,8 +13,8 @@ use super::mqtt::mqtt;
 use super::tables::{Placed, Table};
 use super::types::{LinkKind, LinkSettings, StationLink};
 use super::values::{choice, name};
-use crate::elsewhere;
 use crate::finding::{Finding, Level, Text};
+use crate::misplaced_keys;
 use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
 /// The words for rights, from the least to the most.
@@ -101,7 +101,9 @@ fn link(keys: &mut Keys<'_, '_>, station: &str, state: &Path) -> Option<StationL
     for (key, at) in keys.left() {
         let has = |(_, other): &&(&str, LinkKind)| keys_of(*other).contains(&key);
         let (code, message, remedy) = match (KINDS.iter().find(has), key) {
-            (None, _) => (UNKNOWN_KEY, format!("unknown key `{key}`"), unknown(key, keys.known(), elsewhere::remedy)),
+            (None, _) => {
+                (UNKNOWN_KEY, format!("unknown key `{key}`"), unknown(key, keys.known(), misplaced_keys::remedy))
+            }
             (Some(_), key) => {
                 let remedy = match key {
                     "password" => "users = \"press.users\": a name and a password each",

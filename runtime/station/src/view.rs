@@ -23,7 +23,7 @@ use crate::drivers::state_text;
 use crate::engine::InUse;
 use crate::forced::Forces;
 use crate::io::Panel;
-use crate::known::Known;
+use crate::program_facts::Known;
 use crate::reason;
 use crate::retentive::health::Health;
 use crate::wall_clock::unix_now;

@@ -6,8 +6,8 @@
 
 mod cause;
 mod kernel;
+mod kernel_counters;
 mod ledger;
-mod looks;
 mod merge;
 mod observer;
 pub mod snapshot;

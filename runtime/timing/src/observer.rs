@@ -12,7 +12,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::cause::explain;
 use super::kernel::Sources;
-use super::looks::{LateScan, Look, Looks, Sample};
+use super::kernel_counters::{LateScan, Look, Looks, Sample};
 use super::timings::Timings;
 
 /// Time between two looks.

@@ -4,7 +4,8 @@
 //!
 //! * [`rtu`] and [`ascii`]: a telegram to a frame and back; total functions without time. [`tcp`]: the same for
 //!   couplers on a network, which no CP uses.
-//! * [`pdu`]: what the bytes of a telegram mean; lengths, requests, answers, exceptions.
+//! * [`pdu`]: what the bytes of a telegram mean; lengths, requests, answers; [`exception`]:
+//!   what an exception means.
 //! * [`frame`]: characters with their times to telegrams; the silences of RTU, the start and end characters of ASCII.
 //! * [`Master`] and [`Slave`]: the two machines.
 //!
@@ -14,6 +15,7 @@
 
 pub mod area;
 pub mod ascii;
+pub mod exception;
 pub mod failure;
 pub mod frame;
 pub mod master;

@@ -3,7 +3,8 @@
 use core::fmt;
 
 use super::meaning::{Modbus, Names};
-use crate::modbus::pdu::{Direction, ERROR_BIT, Function, exception_text};
+use crate::modbus::exception::exception_text;
+use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
 use crate::words::Bytes;
 
 /// Length of function 06 with a 32-bit register: only its four bytes of data show it. [S4 "5.8 Function Code 06 – Write

@@ -14,6 +14,7 @@ mod load;
 mod long;
 mod messages;
 mod partner;
+mod passwords;
 mod service;
 mod test_functions;
 mod test_jobs;

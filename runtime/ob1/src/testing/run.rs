@@ -18,6 +18,7 @@ use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::replay::{Recorded, configured, told};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
+use ob1_station::plugins;
 use ob1_station::program::{self, Loaded};
 use ob1_station_file::finding::{Finding, Level, Text};
 use ob1_station_file::findings::{CALL, Findings, UNREADABLE, VALUE};
@@ -100,7 +101,7 @@ impl Subject {
                 (station.name, config, station.modules, station.program, station.plugins)
             }
         };
-        let plugins = program::load_plugins(&plugins)?;
+        let plugins = plugins::load(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
         let (files, symbols) = ob1_station_file::program_files::expand(&wanted.files, &wanted.symbols);

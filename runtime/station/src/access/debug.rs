@@ -5,7 +5,7 @@ use ob1_model::{BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, PASS
 use serde::{Deserialize, Serialize};
 
 use super::pass::named;
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 
 /// What a client wants of breakpoints and single step.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]

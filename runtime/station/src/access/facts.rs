@@ -23,7 +23,7 @@ use ob1_time::{Instant, Span};
 use crate::access::pass;
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 use crate::source_view::{self, SourceView};
 use crate::view::StationView;
 use crate::wall_clock::unix_now;

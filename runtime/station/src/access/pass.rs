@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 use ob1_access::why::{find_block, place_of};
 use ob1_ir::CodeBlock;
 use ob1_model::{BlockId, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};

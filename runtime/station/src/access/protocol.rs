@@ -7,7 +7,6 @@ use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::by_word;
 use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
 use super::why::{WhyStatus, WhyWanted};
@@ -47,7 +46,7 @@ pub enum Op {
     /// A change of the operating state.
     Command {
         /// The change, by its word.
-        #[serde(with = "by_word")]
+        #[serde(with = "super::commands")]
         command: Command,
     },
     /// State, scan statistics, modules.

@@ -22,7 +22,7 @@ use super::control::{Control, Outcome, Pending};
 use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
 use super::{debug, pass, why};
 use crate::bus_view::BusView;
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.

@@ -8,7 +8,7 @@ use ob1_model::{BlockId, Pass, PassOrder};
 use ob1_stl::{Mnemonics, Source};
 
 use super::pass;
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 
 /// The question, and the pass that it needs; none: nothing writes the bit.
 pub(super) fn order(known: &KnownProgram, wanted: &WhyWanted) -> Result<(Question, Option<PassOrder>), String> {

@@ -12,7 +12,7 @@ use ob1_stl::Library;
 
 use super::order::differing;
 use crate::access::protocol::Download;
-use crate::known::KnownProgram;
+use crate::program_facts::KnownProgram;
 
 /// Blocks as they came, by kind and number; `None`: it was deleted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -27,8 +27,8 @@ use super::file;
 use super::order::{LoadOrder, LoadStatus, Loading, Loads};
 use crate::compiling::{Compiling, EngineSender, Request, Successors};
 use crate::engine::{InUse, factory, factory_in_run};
-use crate::known::{Known, KnownProgram};
 use crate::program;
+use crate::program_facts::{Known, KnownProgram};
 use ob1_station_file::EngineChoice;
 use ob1_station_file::finding::{Finding, Level};
 

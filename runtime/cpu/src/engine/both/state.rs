@@ -4,7 +4,7 @@ use crate::arena::Db;
 use crate::engine::hot::Values;
 use crate::engine::regs::Interrupted;
 use crate::machine::Machine;
-use crate::made::Made;
+use crate::made_data_blocks::Made;
 use crate::timers::{Counter, Timer};
 
 /// Bytes that are compared at one time.

@@ -14,7 +14,7 @@ const WARY: u32 = 1024;
 
 /// What the last requests were like.
 #[derive(Debug)]
-pub(crate) struct Haste {
+pub(crate) struct BusyWait {
     /// Requests in a row that came soon.
     soon: u32,
     /// As many are needed: twice as many after each wait in vain, half as many after each that was not. So a partner
@@ -24,7 +24,7 @@ pub(crate) struct Haste {
     turns: u32,
 }
 
-impl Haste {
+impl BusyWait {
     pub(crate) const fn new() -> Self {
         Self { soon: 0, needed: 1, turns: 0 }
     }
@@ -61,41 +61,41 @@ mod tests {
 
     #[test]
     fn a_partner_in_haste_is_waited_for_awake_but_not_for_ever() {
-        let mut haste = Haste::new();
-        assert!(!haste.is_awake(), "nobody is in haste before the first request");
-        haste.slept(AT_ONCE);
+        let mut wait = BusyWait::new();
+        assert!(!wait.is_awake(), "nobody is in haste before the first request");
+        wait.slept(AT_ONCE);
         for _ in 0..TURNS {
-            assert!(haste.is_awake());
-            haste.came();
+            assert!(wait.is_awake());
+            wait.came();
         }
-        assert!(!haste.is_awake(), "the others get their turn");
-        haste.slept(AT_ONCE);
-        assert!(haste.is_awake());
-        haste.slept(SOON);
-        assert!(!haste.is_awake(), "a pause ends it");
+        assert!(!wait.is_awake(), "the others get their turn");
+        wait.slept(AT_ONCE);
+        assert!(wait.is_awake());
+        wait.slept(SOON);
+        assert!(!wait.is_awake(), "a pause ends it");
     }
 
     #[test]
     fn who_never_comes_in_time_is_waited_for_less_and_less() {
-        let mut haste = Haste::new();
+        let mut wait = BusyWait::new();
         let mut awake = 0;
         for _ in 0..10 * WARY {
-            haste.slept(AT_ONCE);
-            if haste.is_awake() {
+            wait.slept(AT_ONCE);
+            if wait.is_awake() {
                 awake += 1;
-                haste.missed();
+                wait.missed();
             }
         }
         assert!((10..30).contains(&awake), "{awake} waits in vain");
-        haste.slept(AT_ONCE);
-        (0..2 * WARY).for_each(|_| haste.slept(AT_ONCE));
+        wait.slept(AT_ONCE);
+        (0..2 * WARY).for_each(|_| wait.slept(AT_ONCE));
         for _ in 0..10 {
-            assert!(haste.is_awake(), "who comes is waited for again");
-            haste.came();
+            assert!(wait.is_awake(), "who comes is waited for again");
+            wait.came();
         }
-        haste.missed();
-        haste.slept(AT_ONCE);
-        haste.slept(AT_ONCE);
-        assert!(haste.is_awake(), "one pause costs little");
+        wait.missed();
+        wait.slept(AT_ONCE);
+        wait.slept(AT_ONCE);
+        assert!(wait.is_awake(), "one pause costs little");
     }
 }

@@ -7,7 +7,7 @@ use ob1_model::{Event, FaultKind, Site};
 
 use ob1_time::Instant;
 
-use crate::wall::Wall;
+use crate::wall_clock::Wall;
 
 /// Entries the buffer holds, whatever they are.
 pub const DIAG_ENTRIES: usize = 100;
