@@ -7,10 +7,10 @@ use opcua_server::{Limits, OperationalLimits, SubscriptionLimits};
 /// Shortest sampling interval, in milliseconds.
 pub(crate) const SAMPLING_MS: f64 = 50.0;
 /// Longest sampling interval, in milliseconds.
-/// The server checks at beats (`publish_times.rs`) whether something is to be published, never more often than this.
+pub(crate) const SLOWEST_MS: f64 = 3_600_000.0;
 /// Reads of the CPU within the shortest requested sampling interval.
 pub(crate) const LOOKS: u32 = 4;
-/// The server checks at beats (`publish_times.rs`) whether something is to be published, but never more often than this.
+/// The server checks at beats (`publish_times.rs`) whether something is to be published, never more often than this.
 pub(crate) const POLL_MS: u64 = 1;
 /// New items that come within this time start together.
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
