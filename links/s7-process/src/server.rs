@@ -415,7 +415,8 @@ impl Server {
         if !self.busy_wait.is_awake() {
             return false;
         }
-        let Some(session) = self.alone.and_then(|index| self.sessions.get_mut(index)) else { return false };
+        let alone = self.alone.and_then(|index| self.sessions.get_mut(index));
+        let Some(session) = alone.filter(|session| session.wants_read()) else { return false };
         loop {
             if session.receive(&mut self.buffer, &self.tap, since) {
                 self.busy_wait.came();
