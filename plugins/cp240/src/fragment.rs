@@ -10,8 +10,9 @@
 use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 
 use crate::module::Module;
+use crate::pafe::Pafe;
 use crate::reception::{Job, Turn, end, hand_over, keep, put, reception, turn};
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Pafe, rx_count};
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, rx_count};
 use crate::state::CpState;
 use crate::turn::{Key, Role};
 

@@ -11,6 +11,7 @@
 mod fragment;
 mod line;
 mod module;
+mod pafe;
 mod receive;
 mod reception;
 mod registers;

@@ -4,7 +4,8 @@ use std::cell::Cell;
 
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused};
 
-use crate::registers::{BlockBytes, Pafe, REGISTER_BYTES, Words};
+use crate::pafe::Pafe;
+use crate::registers::{BlockBytes, REGISTER_BYTES, Words};
 use crate::settings::{self, Service};
 use crate::state::CpState;
 

@@ -5,9 +5,10 @@ use std::cell::Cell;
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
 use crate::module::{Module, address, read};
+use crate::pafe::Pafe;
 use crate::reception::{Job, Reception, Turn, end, hand_over, keep, put, reception, turn};
 use crate::registers::{
-    AREA, BLOCK_BYTES, BROKEN_OFF, BlockBytes, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, Words, rx_count,
+    AREA, BLOCK_BYTES, BROKEN_OFF, BlockBytes, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Words, rx_count,
 };
 use crate::state::CpState;
 use crate::turn::{Key, Role};

@@ -6,7 +6,8 @@ use std::cell::Cell;
 use ob1_sdk::{Abort, Area, Cx, ModuleInfo, interface};
 
 use crate::module::Module;
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, MORE, OUTSIDE, Pafe, Words};
+use crate::pafe::Pafe;
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, MORE, OUTSIDE, Words};
 use crate::state::CpState;
 use crate::turn::{Claim, Key};
 

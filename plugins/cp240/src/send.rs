@@ -3,7 +3,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::module::Module;
-use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
+use crate::pafe::Pafe;
+use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, TELEGRAM_MAX, TX, Words, tx_count};
 use crate::state::CpState;
 use crate::turn::{Key, Role};
 use crate::tx::{Handed, acquire};

@@ -38,13 +38,12 @@ pub fn explain_missing(library: &mut Library) {
 
 fn missing(id: BlockId) -> Option<Missing> {
     let blocks = standard_blocks();
-    if let Some(name) = known_system_function(id) {
-        let is_offered = blocks.iter().any(|block| block.origin == Origin::System && block.id == id);
-        return (!is_offered).then(|| lacking(id, name));
+    let (offered, others): (Vec<_>, Vec<_>) =
+        blocks.iter().filter(|block| block.id == id).partition(|block| block.origin == Origin::System);
+    if !others.is_empty() {
+        return Some(to_be_chosen(id, &others));
     }
-    let others = |block: &&StandardBlock| block.origin != Origin::System && block.id == id;
-    let candidates: Vec<_> = blocks.iter().filter(others).collect();
-    (!candidates.is_empty()).then(|| to_be_chosen(id, &candidates))
+    known_system_function(id).filter(|_| offered.is_empty()).map(|name| lacking(id, name))
 }
 
 fn lacking(id: BlockId, name: &str) -> Missing {

@@ -11,7 +11,8 @@ use super::telegram::{
     failed, last_count, write_echo, write_tx,
 };
 use crate::module::Module;
-use crate::registers::{BLOCK_BYTES, BlockBytes, Pafe, Words};
+use crate::pafe::Pafe;
+use crate::registers::{BLOCK_BYTES, BlockBytes, Words};
 use crate::state::CpState;
 use crate::turn::{Key, Role};
 use crate::tx::acquire;

@@ -10,8 +10,9 @@ use super::telegram::{
     write_tx,
 };
 use crate::module::Module;
+use crate::pafe::Pafe;
 use crate::reception::put;
-use crate::registers::{BLOCK_BYTES, BlockBytes, Pafe, Words};
+use crate::registers::{BLOCK_BYTES, BlockBytes, Words};
 use crate::state::CpState;
 use crate::turn::{Key, Role, Take};
 use crate::tx::{Left, acquire};

@@ -3,7 +3,8 @@
 
 use ob1_sdk::ModuleInfo;
 
-use crate::registers::{FAILED, Pafe, Words};
+use crate::pafe::Pafe;
+use crate::registers::{FAILED, Words};
 use crate::rk512::{Evaluated, Header, Job, OWN, PARTNER, Phase, Rk512State, Step, evaluate};
 use crate::turn::{GIVEN_UP, Key, Role, Take};
 
