@@ -7,11 +7,13 @@
 
 use std::cmp::Reverse;
 
-use cranelift_codegen::ir::{InstBuilder, Type, Value, types};
+use cranelift_codegen::cursor::{Cursor, FuncCursor};
+use cranelift_codegen::ir::{Block, Inst, InstBuilder, Type, Value, types};
 use cranelift_frontend::Variable;
 
 use super::Translation;
-use super::operand::{Reach, Spot};
+use super::operand::{BitAt, Reach, Spot};
+use super::state::Bit;
 
 /// Places whose value waits to be written, at most: more would only move to the stack.
 const WAITING: usize = 12;
@@ -34,6 +36,9 @@ pub(crate) enum Part {
     At(Value),
 }
 
+/// A place of the code: behind this instruction of a block, or at its beginning.
+type Point = (Block, Option<Inst>);
+
 #[derive(Clone, Copy, Debug)]
 struct Held {
     /// As wide as the place.
@@ -44,6 +49,19 @@ struct Held {
     waits: bool,
     /// When it was read or written.
     age: u64,
+    /// Where the value was known. What has to be written is written there: nothing between looks at it, and the value
+    /// need not be kept until here.
+    since: Point,
+}
+
+/// A place that is known where jumps meet.
+#[derive(Clone, Debug)]
+pub(crate) struct Met {
+    pub(crate) place: Place,
+    held: Held,
+    bits: Vec<(u8, Bit)>,
+    /// All paths so far have this value since the same point of the code. Otherwise it is in the place's variable.
+    same: bool,
 }
 
 /// The part and the first byte of a place.
@@ -53,6 +71,8 @@ type Key = (Part, u32);
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cache {
     held: Vec<(Key, Held)>,
+    /// Bits of bytes that wait to be written: they replace those of the byte's value when somebody wants all of it.
+    bits: Vec<(Key, u8, Bit)>,
     turns: u64,
 }
 
@@ -79,6 +99,15 @@ impl Cache {
         self.find(key).map(|index| self.held.remove(index).1)
     }
 
+    fn bits_of(&self, key: Key) -> Vec<(u8, Bit)> {
+        self.bits.iter().filter(|(byte, ..)| *byte == key).map(|(_, at, bit)| (*at, *bit)).collect()
+    }
+
+    fn set_bits(&mut self, key: Key, bits: &[(u8, Bit)]) {
+        self.bits.retain(|(byte, ..)| *byte != key);
+        self.bits.extend(bits.iter().map(|(at, bit)| (key, *at, *bit)));
+    }
+
     fn insert(&mut self, key: Key, held: Held) {
         let index = self.from(key);
         match self.held.get_mut(index) {
@@ -103,6 +132,10 @@ impl Cache {
             return None;
         }
         waiting().min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
+    }
+
+    fn waiting(&self) -> Vec<Key> {
+        self.held.iter().filter(|(_, held)| held.waits).map(|(key, _)| *key).collect()
     }
 
     /// Forgets the oldest places when there are too many.
@@ -158,15 +191,16 @@ impl Translation<'_, '_> {
     }
 
     /// The values of places that are known.
-    pub(crate) fn held(&self, places: &[Place]) -> Vec<Value> {
-        places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.get((*part, *at))?.value)).collect()
+    pub(crate) fn held(&mut self, places: &[Place]) -> Vec<Value> {
+        places.iter().filter_map(|(part, at, _)| self.settled((*part, *at))).collect()
     }
 
     /// From here on these are the values of known places.
     pub(crate) fn hold(&mut self, places: &[Place], values: &[Value]) {
+        let since = self.here();
         for ((part, at, _), value) in places.iter().zip(values) {
             if let Some(held) = self.checked.cache.get_mut((*part, *at)) {
-                held.value = *value;
+                (held.value, held.since) = (*value, since);
             }
         }
     }
@@ -177,41 +211,161 @@ impl Translation<'_, '_> {
     }
 
     /// Jumps meet before statement `pc`: the variables of its places get their values. Only places known on all paths
-    /// are known there.
+    /// are known there, besides those that wait to be written: the first path decides which these are.
     pub(crate) fn send_places(&mut self, pc: usize) {
         if self.fast || self.body.loops[pc] {
+            self.write_back();
             return;
         }
-        let mut cache = self.checked.cache.clone();
-        cache.held.retain(|(key, _)| !matches!(key.0, Part::At(_)));
-        let sent = cache.keep(SENT);
-        let all = match self.body.meeting[pc].take() {
-            None => sent,
-            Some(before) => before.into_iter().filter(|place| sent.contains(place)).collect(),
-        };
-        for place in &all {
-            let Some(held) = cache.get((place.0, place.1)) else { continue };
-            let var = self.variable(*place);
-            self.b.def_var(var, held.value);
+        let before = self.body.meeting[pc].take().unwrap_or_else(|| self.first_met(pc));
+        let mut all = Vec::with_capacity(before.len());
+        for met in before {
+            let Some((met, value)) = self.met_again(met) else { continue };
+            let var = self.variable(met.place);
+            self.b.def_var(var, value);
+            all.push(met);
+        }
+        for key in self.checked.cache.waiting() {
+            if !all.iter().any(|met| (met.place.0, met.place.1) == key) {
+                self.write_held(key);
+            }
         }
         self.body.meeting[pc] = Some(all);
     }
 
+    fn first_met(&self, pc: usize) -> Vec<Met> {
+        let mut cache = self.checked.cache.clone();
+        cache.held.retain(|(key, _)| !matches!(key.0, Part::At(_)));
+        let sent = cache.keep(SENT);
+        // The reference comes back with what memory has.
+        let same = self.body.inlined.is_some() || !self.body.entries[pc];
+        let met = |(place, (key, held)): (Place, &(Key, Held))| Met {
+            place,
+            held: *held,
+            bits: cache.bits_of(*key),
+            same,
+        };
+        sent.into_iter().zip(&cache.held).map(met).collect()
+    }
+
+    /// The place and its value on one more path.
+    fn met_again(&mut self, mut met: Met) -> Option<(Met, Value)> {
+        let (part, at, bytes) = met.place;
+        let held = self.checked.cache.get((part, at)).filter(|held| held.bytes == bytes).copied();
+        if let Some(held) = held {
+            met.same &= (held.value, held.since) == (met.held.value, met.held.since)
+                && self.checked.cache.bits_of((part, at)) == met.bits;
+            met.held.waits |= held.waits;
+        } else if met.held.waits {
+            // It waits on another path: here it gets the value that memory has.
+            met.same = false;
+        } else {
+            return None;
+        }
+        let value = self.content(Spot::fixed(self.base(part), at, BitAt::Known(0)), bytes * 8);
+        Some((met, value))
+    }
+
     /// What is known where jumps have met.
     pub(crate) fn take_places(&mut self, pc: usize) {
-        for place in self.body.meeting[pc].clone().unwrap_or_default() {
-            let var = self.variable(place);
-            let value = self.b.use_var(var);
-            let reach = self.fixed_reach(place.0, place.1, place.2);
-            self.know(place, value, false, reach);
+        for Met { place, held, bits, same } in self.body.meeting[pc].clone().unwrap_or_default() {
+            let key = (place.0, place.1);
+            if same {
+                self.know(place, held.value, held.waits, held.reach, held.since);
+                self.checked.cache.set_bits(key, &bits);
+            } else {
+                let var = self.variable(place);
+                let value = self.b.use_var(var);
+                let since = self.here();
+                self.know(place, value, held.waits, held.reach, since);
+            }
         }
     }
 
     /// Memory is known to have this value, or is to get it.
-    fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
+    fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach, since: Point) {
         let cache = &mut self.checked.cache;
         cache.turns += 1;
-        cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns });
+        cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns, since });
+    }
+
+    fn know_here(&mut self, place: Place, value: Value, waits: bool, reach: Reach) {
+        let since = self.here();
+        self.know(place, value, waits, reach, since);
+    }
+
+    /// The end of the code so far.
+    fn here(&mut self) -> Point {
+        self.b.ensure_inserted_block();
+        let block = self.b.current_block().expect("code is being made");
+        (block, self.b.func.layout.last_inst(block))
+    }
+
+    fn at(&mut self, (block, behind): Point) -> FuncCursor<'_> {
+        let mut cursor = FuncCursor::new(self.b.func);
+        match behind {
+            Some(inst) => {
+                cursor.use_srcloc(inst);
+                cursor.after_inst(inst)
+            }
+            None => cursor.at_first_insertion_point(block),
+        }
+    }
+
+    /// The value of a known place, with the bits that wait.
+    fn settled(&mut self, key: Key) -> Option<Value> {
+        let held = *self.checked.cache.get(key)?;
+        let bits = self.checked.cache.bits_of(key);
+        if bits.is_empty() {
+            return Some(held.value);
+        }
+        let mut cursor = self.at(held.since);
+        let value = with_bits(&mut cursor, held.value, &bits);
+        cursor.prev_inst();
+        let since = (held.since.0, cursor.current_inst());
+        self.checked.cache.set_bits(key, &[]);
+        self.checked.cache.insert(key, Held { value, since, ..held });
+        Some(value)
+    }
+
+    /// A bit that waits to be put into its byte.
+    pub(crate) fn waiting_bit(&self, spot: Spot, at: u8) -> Option<Bit> {
+        let part = self.part(spot)?;
+        let found = |(byte, bit, _): &&(Key, u8, Bit)| (*byte, *bit) == ((part, spot.offset), at);
+        self.checked.cache.bits.iter().find(found).map(|(_, _, bit)| *bit)
+    }
+
+    /// A byte, without the bits that wait to be put into it.
+    pub(crate) fn byte_of(&mut self, spot: Spot) -> Value {
+        let held = self.part(spot).and_then(|part| self.checked.cache.get((part, spot.offset)));
+        match held {
+            Some(held) if held.bytes == 1 => held.value,
+            _ => self.content(spot, 8),
+        }
+    }
+
+    /// Replaces what [`Self::byte_of`] gave: the bits that wait still do.
+    pub(crate) fn put_byte(&mut self, spot: Spot, byte: Value) {
+        let key = self.part(spot).map(|part| (part, spot.offset));
+        let bits = key.map(|key| self.checked.cache.bits_of(key)).unwrap_or_default();
+        self.put_content(spot, byte);
+        if let Some(key) = key {
+            self.checked.cache.set_bits(key, &bits);
+        }
+    }
+
+    /// A bit of memory from here on.
+    pub(crate) fn put_known_bit(&mut self, spot: Spot, at: u8, bit: Bit) {
+        let byte = self.byte_of(spot);
+        let Some(part) = self.part(spot) else {
+            let here = self.here();
+            let new = with_bits(&mut self.at(here), byte, &[(at, bit)]);
+            self.put_content(spot, new);
+            return;
+        };
+        self.put_byte(spot, byte);
+        self.checked.cache.bits.retain(|(byte, n, _)| (*byte, *n) != ((part, spot.offset), at));
+        self.checked.cache.bits.push(((part, spot.offset), at, bit));
     }
 
     /// The variable of a place, for where jumps meet.
@@ -248,14 +402,16 @@ impl Translation<'_, '_> {
             self.write_reached(None, reach);
             return self.load_arena(spot.base, spot.offset, bytes);
         };
-        if let Some(held) = self.checked.cache.get((part, spot.offset)).filter(|held| held.bytes == bytes) {
-            return held.value;
+        if self.checked.cache.get((part, spot.offset)).is_some_and(|held| held.bytes == bytes)
+            && let Some(value) = self.settled((part, spot.offset))
+        {
+            return value;
         }
         if let Some(value) = self.within(part, spot.offset, bytes) {
             return value;
         }
         if let Some((value, waits)) = self.put_together(part, spot.offset, bytes) {
-            self.know((part, spot.offset, bytes), value, waits, reach);
+            self.know_here((part, spot.offset, bytes), value, waits, reach);
             return value;
         }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
@@ -264,7 +420,7 @@ impl Translation<'_, '_> {
         }
         self.write_reached(Some(part), reach);
         let value = self.load_arena(spot.base, spot.offset, bytes);
-        self.know((part, spot.offset, bytes), value, false, reach);
+        self.know_here((part, spot.offset, bytes), value, false, reach);
         self.checked.cache.limit();
         value
     }
@@ -305,9 +461,10 @@ impl Translation<'_, '_> {
         let ty = integer(bytes);
         let (mut whole, mut waits) = (None, false);
         for key in pieces {
+            let value = self.settled(key)?;
             let held = self.checked.cache.remove(key)?;
             waits |= held.waits;
-            let wide = self.b.ins().uextend(ty, held.value);
+            let wide = self.b.ins().uextend(ty, value);
             let by = self.b.iconst(ty, i64::from((end - key.1 - held.bytes) * 8));
             let moved = if end == key.1 + held.bytes { wide } else { self.b.ins().ishl(wide, by) };
             whole = Some(whole.map_or(moved, |before| self.b.ins().bor(before, moved)));
@@ -325,13 +482,14 @@ impl Translation<'_, '_> {
             self.checked.cache.remove(other);
         }
         let Some(part) = part else {
-            self.store_arena(spot.base, spot.offset, value);
+            let here = self.here();
+            self.store_arena(spot.base, spot.offset, value, here);
             return;
         };
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
             self.cut_off(other, spot.offset, spot.offset + bytes);
         }
-        self.know((part, spot.offset, bytes), value, true, reach);
+        self.know_here((part, spot.offset, bytes), value, true, reach);
         while let Some(oldest) = self.checked.cache.waits_for_room() {
             self.write_held(oldest);
         }
@@ -340,6 +498,7 @@ impl Translation<'_, '_> {
 
     /// Of a value that is held only the bytes outside of a range are left, each part of them as a value of its own.
     fn cut_off(&mut self, key: Key, from: u32, to: u32) {
+        self.checked.cache.set_bits(key, &[]);
         let Some(held) = self.checked.cache.remove(key) else { return };
         let end = key.1 + held.bytes;
         for (mut at, to) in [(key.1, from.min(end)), (to.max(key.1), end)] {
@@ -350,7 +509,7 @@ impl Translation<'_, '_> {
                     Part::At(_) => held.reach,
                     part => self.fixed_reach(part, at, bytes),
                 };
-                self.know((key.0, at, bytes), value, held.waits, reach);
+                self.know_here((key.0, at, bytes), value, held.waits, reach);
                 at += bytes;
             }
         }
@@ -365,18 +524,23 @@ impl Translation<'_, '_> {
 
     /// Writes what waits to be written.
     pub(crate) fn write_back(&mut self) {
-        let waiting: Vec<_> =
-            self.checked.cache.held.iter().filter(|(_, held)| held.waits).map(|(key, _)| *key).collect();
-        for key in waiting {
+        for key in self.checked.cache.waiting() {
             self.write_held(key);
         }
     }
 
+    /// Writes a value that waits: where it was known, or here beside the straight way.
     fn write_held(&mut self, key: Key) {
-        let Some(held) = self.checked.cache.get_mut(key).filter(|held| held.waits) else { return };
+        if self.checked.cache.get(key).is_none_or(|held| !held.waits) {
+            return;
+        }
+        self.settled(key);
+        let base = self.base(key.0);
+        let here = self.here();
+        let Some(held) = self.checked.cache.get_mut(key) else { return };
         held.waits = false;
-        let value = held.value;
-        self.store_arena(self.base(key.0), key.1, value);
+        let (value, since) = (held.value, if self.aside { here } else { held.since });
+        self.store_arena(base, key.1, value, since);
     }
 
     fn load_arena(&mut self, base: Value, offset: u32, bytes: u32) -> Value {
@@ -385,12 +549,57 @@ impl Translation<'_, '_> {
         if bytes == 1 { value } else { self.b.ins().bswap(value) }
     }
 
-    fn store_arena(&mut self, base: Value, offset: u32, value: Value) {
+    fn store_arena(&mut self, base: Value, offset: u32, value: Value, at: Point) {
         let flags = self.arena_flags();
         let wide = self.b.func.dfg.value_type(value) != types::I8;
-        let value = if wide { self.b.ins().bswap(value) } else { value };
-        self.b.ins().store(flags, value, base, offset as i32);
+        let mut at = self.at(at);
+        let value = if wide { at.ins().bswap(value) } else { value };
+        at.ins().store(flags, value, base, offset as i32);
     }
+}
+
+/// A byte of which these bits are replaced. Bits of one value that move equally far move together.
+fn with_bits(at: &mut FuncCursor<'_>, byte: Value, bits: &[(u8, Bit)]) -> Value {
+    let (mut replaced, mut ones) = (0u8, 0u8);
+    let mut moves: Vec<(Value, i8, Option<u8>)> = Vec::new();
+    for (to, bit) in bits {
+        let mask = 1 << to;
+        replaced |= mask;
+        match *bit {
+            Bit::Known(one) => ones |= if one { mask } else { 0 },
+            Bit::Val(v) => moves.push((v, *to as i8, None)),
+            Bit::At(v, from) => {
+                let by = *to as i8 - from as i8;
+                match moves.iter_mut().find(|(value, other, _)| (*value, *other) == (v, by)) {
+                    Some((.., Some(together))) => *together |= mask,
+                    _ => moves.push((v, by, Some(mask))),
+                }
+            }
+            Bit::Var => debug_assert!(false, "variables are read before bits are written"),
+        }
+    }
+    let constant = |at: &mut FuncCursor<'_>, v: u8| at.ins().iconst(types::I8, i64::from(v));
+    let mut whole = (replaced != 0xFF).then_some(byte);
+    if replaced != ones && whole.is_some() {
+        let rest = constant(at, !replaced);
+        whole = Some(at.ins().band(byte, rest));
+    }
+    if ones != 0 || whole.is_none() && moves.is_empty() {
+        let ones = constant(at, ones);
+        whole = Some(whole.map_or(ones, |whole| at.ins().bor(whole, ones)));
+    }
+    for (mut v, by, mask) in moves {
+        if by != 0 {
+            let distance = constant(at, by.unsigned_abs());
+            v = if by > 0 { at.ins().ishl(v, distance) } else { at.ins().ushr(v, distance) };
+        }
+        if let Some(mask) = mask {
+            let mask = constant(at, mask);
+            v = at.ins().band(v, mask);
+        }
+        whole = Some(whole.map_or(v, |whole| at.ins().bor(whole, v)));
+    }
+    whole.unwrap_or(byte)
 }
 
 /// The type of an integer of 1, 2 or 4 bytes.

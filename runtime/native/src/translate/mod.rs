@@ -80,6 +80,8 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) wanted: Set,
     /// No actual parameter is a pointer: that was checked before the first statement.
     pub(crate) no_pointers: bool,
+    /// The code being made leaves the straight way, which has these values, too.
+    pub(crate) aside: bool,
     /// Compiled quickly: known contents of memory are dropped where paths meet.
     pub(crate) fast: bool,
     /// The variables of places of memory, for where paths meet.
@@ -132,7 +134,7 @@ pub(crate) struct Body<'a> {
     /// Statements a jump leads back to: not every path to them is known when they are translated.
     pub(crate) loops: Vec<bool>,
     /// Places whose values are known on all paths that lead to a statement so far.
-    pub(crate) meeting: Vec<Option<Vec<cache::Place>>>,
+    pub(crate) meeting: Vec<Option<Vec<cache::Met>>>,
     /// Registers that memory may lack where jumps meet.
     pub(crate) unsaved: Vec<Set>,
     /// Statements where compiled code can be entered from the reference.
@@ -166,7 +168,7 @@ impl<'a> Body<'a> {
     ) -> Self {
         let code = &plan.blocks[block as usize];
         let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
-        let env = Env { plan, mcr, end };
+        let env = Env { plan, mcr, end, inlined: inlined.is_some() };
         let marks = flow::targets(&code.stmts);
         let loops = flow::loops(&code.stmts);
         let is_inlined = |pc: usize| match code.ops[pc] {
@@ -182,7 +184,7 @@ impl<'a> Body<'a> {
             facts: flow::facts(&code.stmts, entry, &marks, &env),
             starts: vec![None; code.stmts.len() + 1],
             loops,
-            meeting: vec![None; code.stmts.len() + 1],
+            meeting: (0..=code.stmts.len()).map(|_| None).collect(),
             stmts: &code.stmts,
             ops: &code.ops,
             env,
@@ -281,6 +283,7 @@ pub(crate) fn translate(
         other,
         wanted: flow::ALL,
         no_pointers: false,
+        aside: false,
         fast: tier == Tier::Fast,
         places: BTreeMap::new(),
     };

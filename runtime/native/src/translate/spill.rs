@@ -6,7 +6,7 @@ use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, c
 use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Regs};
 
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
-use super::{Checked, Landing, Translation};
+use super::{Checked, Landing, Translation, cache};
 use crate::flow::{self, Facts, Set};
 use crate::run::Run;
 
@@ -259,7 +259,6 @@ impl Translation<'_, '_> {
 
     /// Puts the registers that statement `pc` needs into their variables: jumps meet there.
     pub(crate) fn flush(&mut self, pc: usize) {
-        self.write_back();
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         let live = self.body.live[pc];
         debug_assert_eq!(
@@ -369,9 +368,7 @@ impl Translation<'_, '_> {
         self.b.seal_block(exit);
         self.b.seal_block(next);
         self.b.switch_to_block(exit);
-        let (before, checked) = (self.now.clone(), self.checked.clone());
-        self.leave_here(pc);
-        (self.now, self.checked) = (before, checked);
+        self.beside(|t| t.leave_here(pc));
         self.b.switch_to_block(next);
     }
 
@@ -387,6 +384,14 @@ impl Translation<'_, '_> {
         let answer = self.call_helper(offset_of!(Run, whole), block, first);
         self.b.ins().return_(&[answer]);
         self.b.switch_to_block(next);
+    }
+
+    /// Code that does not come back here: what is known stays as it is.
+    pub(crate) fn beside(&mut self, make: impl FnOnce(&mut Self)) {
+        let (before, checked) = (self.now.clone(), self.checked.clone());
+        let aside = std::mem::replace(&mut self.aside, true);
+        make(self);
+        (self.now, self.checked, self.aside) = (before, checked, aside);
     }
 
     fn leave_here(&mut self, pc: usize) {
@@ -549,7 +554,7 @@ impl Translation<'_, '_> {
             self.outer_nest();
         }
         if let Some(pc) = to.met {
-            for place in self.body.meeting[pc].clone().unwrap_or_default() {
+            for cache::Met { place, .. } in self.body.meeting[pc].clone().unwrap_or_default() {
                 let value = self.load_place(place);
                 let var = self.variable(place);
                 self.b.def_var(var, value);

@@ -136,8 +136,7 @@ impl Translation<'_, '_> {
         if bits > 1 {
             return self.read(spot, bits);
         }
-        let byte = self.byte_of(spot);
-        let bit = self.bit_of(byte, spot).value(self.vars.rlo, &mut self.b);
+        let bit = self.bit(spot).value(self.vars.rlo, &mut self.b);
         self.b.ins().uextend(types::I32, bit)
     }
 
@@ -146,11 +145,10 @@ impl Translation<'_, '_> {
             self.write(spot, bits, value);
             return;
         }
-        let byte = self.byte_of(spot);
         let low = self.b.ins().ireduce(types::I8, value);
         let one = self.b.iconst(types::I8, 1);
         let bit = self.b.ins().band(low, one);
-        self.put_bit(byte, spot, Bit::Val(bit));
+        self.put_bit(spot, Bit::Val(bit));
     }
 
     fn add_address(&mut self, i: usize, offset: Value) {
