@@ -8,7 +8,7 @@
 use std::cmp::Reverse;
 
 use cranelift_codegen::cursor::{Cursor, FuncCursor};
-use cranelift_codegen::ir::{Block, Inst, InstBuilder, Type, Value, types};
+use cranelift_codegen::ir::{Block, Function, Inst, InstBuilder, Opcode, Type, Value, ValueDef, types};
 use cranelift_frontend::Variable;
 
 use super::Translation;
@@ -19,6 +19,8 @@ use super::state::Bit;
 const WAITING: usize = 12;
 /// Places whose values are known where jumps meet, at most.
 const SENT: usize = 8;
+/// How far before a value a slow instruction is looked for.
+const NEAR: u32 = 8;
 /// Places whose value is known, at most.
 const KNOWN: usize = 64;
 
@@ -529,6 +531,17 @@ impl Translation<'_, '_> {
         }
     }
 
+    /// Before a branch: writes what waits and takes long to calculate. A store keeps its calculation before the branch,
+    /// where it goes on while the processor finds out that it has guessed the wrong way.
+    pub(crate) fn write_slow(&mut self) {
+        let (block, _) = self.here();
+        for key in self.checked.cache.waiting() {
+            if self.checked.cache.get(key).is_some_and(|held| is_slow(&self.b.func, held.value, block, NEAR)) {
+                self.write_held(key);
+            }
+        }
+    }
+
     /// Writes a value that waits: where it was known, or here beside the straight way.
     fn write_held(&mut self, key: Key) {
         if self.checked.cache.get(key).is_none_or(|held| !held.waits) {
@@ -556,6 +569,14 @@ impl Translation<'_, '_> {
         let value = if wide { at.ins().bswap(value) } else { value };
         at.ins().store(flags, value, base, offset as i32);
     }
+}
+
+/// The block calculates a product, a quotient or a root for this value, at most so many steps before it.
+fn is_slow(func: &Function, value: Value, block: Block, steps: u32) -> bool {
+    let ValueDef::Result(inst, _) = func.dfg.value_def(value) else { return false };
+    let slow = matches!(func.dfg.insts[inst].opcode(), Opcode::Imul | Opcode::Sdiv | Opcode::Fdiv | Opcode::Sqrt);
+    let further = |arg: &Value| is_slow(func, *arg, block, steps - 1);
+    func.layout.inst_block(inst) == Some(block) && (slow || steps > 0 && func.dfg.inst_args(inst).iter().any(further))
 }
 
 /// A byte of which these bits are replaced. Bits of one value that move equally far move together.

@@ -59,6 +59,8 @@ impl Translation<'_, '_> {
             taken => {
                 if self.fast || to <= pc {
                     self.write_back();
+                } else {
+                    self.write_slow();
                 }
                 self.branch(taken, when, |t| t.go(to, pc));
                 true
@@ -128,7 +130,7 @@ impl Translation<'_, '_> {
     /// What waits to be written is written only if the safe point looks; after that everything is read again. The
     /// stacks of a CPU that goes to STOP here have the registers of `told`.
     pub(crate) fn safe_point(&mut self, statement: usize, told: flow::Set) {
-        let uncounted = self.body.uncounted(statement);
+        let uncounted = self.now.uncounted;
         self.count(uncounted);
         let executed = self.executed();
         let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));

@@ -80,8 +80,7 @@ impl Translation<'_, '_> {
         // After the call AR2 is the caller's again.
         let given_back = if instance.is_some() { flow::AR2 } else { 0 };
         let end = self.body.live[pc + 1] & flow::RESULTS & !given_back;
-        let uncounted = self.now.uncounted;
-        let inlined = Inlined { local: base, refs, instance: instance.map(|db| db.at.0), uncounted };
+        let inlined = Inlined { local: base, refs, instance: instance.map(|db| db.at.0) };
         let mut body = Body::new(plan, callee, entry, call.instance_bytes, end, Some(inlined));
         body.ends_within();
         let outer = std::mem::replace(&mut self.body, body);

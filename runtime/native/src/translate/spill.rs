@@ -312,7 +312,7 @@ impl Translation<'_, '_> {
             self.now.saved = [saved[0] || unknown[0], saved[1] || unknown[1]];
         }
         self.send_places(pc);
-        let uncounted = self.body.uncounted(pc);
+        let uncounted = self.body.uncounted(pc, self.now.uncounted);
         self.count(uncounted);
     }
 
@@ -559,7 +559,8 @@ impl Translation<'_, '_> {
                 let var = self.variable(place);
                 self.b.def_var(var, value);
             }
-            self.count(pc as u32);
+            let uncounted = self.body.uncounted(pc, pc as u32);
+            self.count(uncounted);
         }
         self.b.ins().jump(to.block, &[]);
     }

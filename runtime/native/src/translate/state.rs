@@ -37,6 +37,11 @@ pub(crate) enum Accu {
         hi: Value,
         lo: Value,
     },
+    /// A value, and another with the same low word that is ready sooner.
+    Low {
+        full: Value,
+        lo: Value,
+    },
     /// A floating-point result. A NaN is replaced by the CPU's one when its bits are needed.
     Real(Value),
 }
@@ -416,11 +421,11 @@ pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut Builder<'
 pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Var => b.use_var(var),
-        Accu::Full(v) => v,
+        Accu::Full(v) | Accu::Low { full: v, .. } => v,
         Accu::Split { hi, lo } => {
             let mask = b.iconst(types::I32, 0xFFFF);
             let low = b.ins().band(lo, mask);
-            if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) {
+            if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) || is_unsigned_word(hi, b) {
                 return low;
             }
             let mask = b.iconst(types::I32, 0xFFFF_0000);
@@ -439,7 +444,7 @@ pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
 /// An accumulator whose low word is right.
 pub(crate) fn low(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
-        Accu::Split { lo, .. } => lo,
+        Accu::Split { lo, .. } | Accu::Low { lo, .. } => lo,
         other => full(other, var, b),
     }
 }
@@ -468,6 +473,13 @@ pub(crate) fn word_of(v: Value, b: &Builder<'_>) -> Option<Value> {
     }
 }
 
+/// The high word is 0, as in what was loaded.
+fn is_unsigned_word(v: Value, b: &Builder<'_>) -> bool {
+    use cranelift_codegen::ir::{Opcode, ValueDef};
+    let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return false };
+    b.func.dfg.insts[inst].opcode() == Opcode::Uextend && word_of(v, b).is_some()
+}
+
 /// An accumulator as floating-point number.
 pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
@@ -476,6 +488,9 @@ pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
             let bits = full(other, var, b);
             if let Some(v) = real_of(bits, b) {
                 return v;
+            }
+            if let Some(c) = constant(b, bits) {
+                return b.ins().f32const(f32::from_bits(c as u32));
             }
             b.ins().bitcast(types::F32, cranelift_codegen::ir::MemFlagsData::new(), bits)
         }
@@ -489,8 +504,15 @@ fn real_of(bits: Value, b: &Builder<'_>) -> Option<Value> {
         ValueDef::Result(inst, 0) => Some(b.func.dfg.insts[inst]),
         _ => None,
     };
-    let InstructionData::Ternary { opcode: Opcode::Select, args: [no_number, known, bits] } = made(bits)? else {
-        return None;
+    let (no_number, known, bits) = match made(bits)? {
+        // It is no NaN.
+        InstructionData::LoadNoOffset { opcode: Opcode::Bitcast, arg, .. }
+            if b.func.dfg.value_type(arg) == types::F32 =>
+        {
+            return Some(arg);
+        }
+        InstructionData::Ternary { opcode: Opcode::Select, args: [no_number, known, bits] } => (no_number, known, bits),
+        _ => return None,
     };
     let InstructionData::FloatCompare { cond: FloatCC::Unordered, args: [x, y], .. } = made(no_number)? else {
         return None;
