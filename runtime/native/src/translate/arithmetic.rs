@@ -4,7 +4,7 @@
 use std::mem::offset_of;
 
 use cranelift_codegen::ir::{
-    InstBuilder, InstructionData, MemFlagsData, Value, ValueDef,
+    InstBuilder, MemFlagsData, Value,
     condcodes::{FloatCC, IntCC},
     types,
 };
@@ -407,7 +407,7 @@ impl Translation<'_, '_> {
             AccuOp::Add => self.b.ins().fadd(x, y),
             AccuOp::Sub => self.b.ins().fsub(x, y),
             AccuOp::Mul => self.b.ins().fmul(x, y),
-            AccuOp::Div | AccuOp::Mod => match self.exact_reciprocal(y) {
+            AccuOp::Div | AccuOp::Mod => match self.exact_reciprocal() {
                 Some(factor) => self.b.ins().fmul(x, factor),
                 None => self.b.ins().fdiv(x, y),
             },
@@ -416,12 +416,12 @@ impl Translation<'_, '_> {
     }
 
     /// A product with the reciprocal of a power of two is the quotient, and is ready sooner.
-    fn exact_reciprocal(&mut self, divisor: Value) -> Option<Value> {
-        let ValueDef::Result(inst, _) = self.b.func.dfg.value_def(divisor) else { return None };
-        let InstructionData::UnaryIeee32 { imm, .. } = self.b.func.dfg.insts[inst] else { return None };
-        let reciprocal = 1.0 / f32::from_bits(imm.bits());
-        let power = imm.bits() & 0x007F_FFFF == 0 && reciprocal.is_normal();
-        power.then(|| self.b.ins().f32const(reciprocal))
+    fn exact_reciprocal(&mut self) -> Option<Value> {
+        let Accu::Full(divisor) = self.now.a[0] else { return None };
+        let divisor = state::constant(&self.b, divisor)? as u32;
+        let reciprocal = 1.0 / f32::from_bits(divisor);
+        let bits = (divisor & 0x007F_FFFF == 0 && reciprocal.is_normal()).then(|| self.word(reciprocal.to_bits()))?;
+        Some(self.b.ins().bitcast(types::F32, MemFlagsData::new(), bits))
     }
 
     /// A floating-point result: 0 and denormalised numbers have no sign, a NaN sets both codes.

@@ -136,8 +136,8 @@ impl Cache {
         waiting().min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
     }
 
-    fn waiting(&self) -> Vec<Key> {
-        self.held.iter().filter(|(_, held)| held.waits).map(|(key, _)| *key).collect()
+    fn waiting(&self) -> Vec<Place> {
+        self.held.iter().filter(|(_, held)| held.waits).map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
     /// Forgets the oldest places when there are too many.
@@ -227,9 +227,9 @@ impl Translation<'_, '_> {
             self.b.def_var(var, value);
             all.push(met);
         }
-        for key in self.checked.cache.waiting() {
-            if !all.iter().any(|met| (met.place.0, met.place.1) == key) {
-                self.write_held(key);
+        for place in self.checked.cache.waiting() {
+            if !all.iter().any(|met| met.place == place) {
+                self.write_held((place.0, place.1));
             }
         }
         self.body.meeting[pc] = Some(all);
@@ -241,12 +241,8 @@ impl Translation<'_, '_> {
         let sent = cache.keep(SENT);
         // The reference comes back with what memory has.
         let same = self.body.inlined.is_some() || !self.body.entries[pc];
-        let met = |(place, (key, held)): (Place, &(Key, Held))| Met {
-            place,
-            held: *held,
-            bits: cache.bits_of(*key),
-            same,
-        };
+        let met =
+            |(place, (key, held)): (Place, &(Key, Held))| Met { place, held: *held, bits: cache.bits_of(*key), same };
         sent.into_iter().zip(&cache.held).map(met).collect()
     }
 
@@ -526,8 +522,8 @@ impl Translation<'_, '_> {
 
     /// Writes what waits to be written.
     pub(crate) fn write_back(&mut self) {
-        for key in self.checked.cache.waiting() {
-            self.write_held(key);
+        for (part, at, _) in self.checked.cache.waiting() {
+            self.write_held((part, at));
         }
     }
 
@@ -535,9 +531,10 @@ impl Translation<'_, '_> {
     /// where it goes on while the processor finds out that it has guessed the wrong way.
     pub(crate) fn write_slow(&mut self) {
         let (block, _) = self.here();
-        for key in self.checked.cache.waiting() {
-            if self.checked.cache.get(key).is_some_and(|held| is_slow(&self.b.func, held.value, block, NEAR)) {
-                self.write_held(key);
+        for (part, at, _) in self.checked.cache.waiting() {
+            let held = self.checked.cache.get((part, at));
+            if held.is_some_and(|held| is_slow(self.b.func, held.value, block, NEAR)) {
+                self.write_held((part, at));
             }
         }
     }

@@ -312,7 +312,14 @@ impl Translation<'_, '_> {
             self.now.saved = [saved[0] || unknown[0], saved[1] || unknown[1]];
         }
         self.send_places(pc);
-        let uncounted = self.body.uncounted(pc, self.now.uncounted);
+        let uncounted = self.body.uncounted(
+            pc,
+            if std::env::var_os("OLDC").is_some() && self.body.inlined.is_none() {
+                pc as u32
+            } else {
+                self.now.uncounted
+            },
+        );
         self.count(uncounted);
     }
 

@@ -489,9 +489,6 @@ pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
             if let Some(v) = real_of(bits, b) {
                 return v;
             }
-            if let Some(c) = constant(b, bits) {
-                return b.ins().f32const(f32::from_bits(c as u32));
-            }
             b.ins().bitcast(types::F32, cranelift_codegen::ir::MemFlagsData::new(), bits)
         }
     }
