@@ -1,11 +1,18 @@
 //! What waits to be written to memory: values across jumps, bits for their byte. Each program runs on the reference
 //! engine and in both tiers; and where a write must not be there, the code is read.
 
+use fastrand::Rng;
 use ob1_cpu::engine::{Factory, REFERENCE};
 use ob1_cpu::{Command, Cpu, CpuConfig, Still, system_blocks};
 use ob1_native::{AtLoad, Compiler, Target, Tier};
 
 const SCANS: u32 = 6;
+/// Random programs.
+const PROGRAMS: u64 = 400;
+/// A block that is inlined into its caller.
+const FC: &str = "FUNCTION FC 1 : INT\nVAR_INPUT\n x : INT;\n on : BOOL;\nEND_VAR\nVAR_OUTPUT\n q : BOOL;\nEND_VAR\n\
+    VAR_TEMP\n t : INT;\nEND_VAR\nBEGIN\nL #x;\n+ 3;\nT #t;\nU #on;\n= #q;\nSPBN z;\nL #t;\n+ 4;\nT #t;\nz: L #t;\nT #RET_VAL;\n\
+    END_FUNCTION\n";
 /// Words that [`program`] gives other values in each scan: MW 0, the count of scans, to MW 6.
 const VALUES: usize = 4;
 
@@ -67,32 +74,56 @@ fn a_value_waits_across_a_jump_that_leads_forward() {
     assert_eq!(stores(both), 1);
 }
 
-/// Every mixture of what two paths do to overlapping places, with what reads them behind the jump.
+/// A statement or some that mean something together, about few bytes of memory.
+fn piece(random: &mut Rng) -> String {
+    let byte = random.u8(8..16);
+    let bit = format!("M {byte}.{}", random.u8(0..8));
+    let width = *random.choice(["B", "W", "D"].iter()).expect("one of them");
+    let computed = format!("L P#{byte}.{};\nT MD 20;\n", if width == "B" { random.u8(0..8) } else { 0 });
+    let value = random.u8(0..8);
+    match random.u8(0..16) {
+        0 | 1 => format!("L M{width} {value};\nT M{width} {byte};\n"),
+        2 => format!("L M{width} {byte};\nT M{width} {};\n", random.u8(8..16)),
+        3 => format!("L {value};\nT M{width} {byte};\n"),
+        4 => format!("L MW {byte};\nL MW {value};\n*I;\nT MW {};\n", random.u8(8..16)),
+        5 => format!("L MD {value};\nL MW {byte};\n+D;\nT MD {};\n", random.u8(8..16)),
+        6 | 7 => format!("U M 1.{value};\n= {bit};\n"),
+        8 => format!("U {bit};\n= M {}.{value};\n", random.u8(8..16)),
+        9 => format!("U M 2.{value};\nS {bit};\nUN M 4.{value};\nR M {byte}.{value};\n"),
+        10 => format!("U M 3.{value};\nFP {bit};\n= M {}.1;\n", random.u8(8..16)),
+        11 => format!("SET;\n= {bit};\nR M {byte}.{value};\n"),
+        12 => format!("{computed}L MW {value};\nT M{} [MD 20];\n", if width == "D" { "W" } else { "B" }),
+        13 => format!("{computed}U M 1.{value};\n= M [MD 20];\n"),
+        14 => format!("LAR1 P#M {byte}.0;\nL W [AR1,P#1.0];\nT W [AR1,P#0.0];\n"),
+        _ => format!("CALL FC 1 (x := MW {byte}, on := {bit}, q := M {byte}.{value}, RET_VAL := MW {});\n", 8 + value),
+    }
+}
+
+/// Paths that know other things of overlapping places meet; all mixtures cannot be named.
 #[test]
-fn paths_that_know_other_things_meet() {
-    let steps = [
-        "L MW 2;\nT MW 10;\n",
-        "L MB 2;\nT MB 11;\n",
-        "L MD 2;\nT MD 8;\n",
-        "L MD 4;\nT MD 10;\n",
-        "U M 1.1;\n= M 10.3;\n",
-        "U M 1.0;\nS M 11.7;\n",
-        "L MW 10;\nT MW 14;\n",
-        // A computed place, which may be one of these.
-        "L P#10.0;\nT MD 20;\nL 77;\nT MW [MD 20];\n",
-        "L P#11.0;\nT MD 20;\nL MB [MD 20];\nT MB 16;\n",
-        "",
-    ];
-    let reads = ["L MW 10;\nT MW 24;\n", "L MD 8;\nT MD 24;\nL MB 11;\nT MB 30;\n", "L MW 2;\nT MW 10;\n", ""];
-    for (i, before) in steps.iter().enumerate() {
-        for (j, aside) in steps.iter().enumerate() {
-            let read = reads[(i + j) % reads.len()];
-            let last = steps[(3 * i + j) % steps.len()];
-            let text = format!(
-                "{before}U M 1.0;\nSPBN a;\n{aside}SPA b;\na: {last}U M 1.1;\nSPB b;\nL 3;\nT MB 10;\nb: {read}{before}"
-            );
-            same(&program(&text, ""));
+fn random_paths_meet() {
+    for seed in 0..PROGRAMS {
+        let mut random = Rng::with_seed(seed);
+        let pieces = random.usize(4..24);
+        let mut jumps = vec![None; pieces];
+        let mut text = String::new();
+        for at in 0..pieces {
+            if random.u8(0..3) == 0 {
+                let to = random.usize(at + 1..=pieces);
+                jumps[at] = Some((to, random.u8(0..3)));
+            }
         }
+        for at in 0..=pieces {
+            if jumps.iter().any(|jump| jump.is_some_and(|(to, _)| to == at)) {
+                text.push_str(&format!("a{at}: NOP 0;\n"));
+            }
+            let Some(jump) = jumps.get(at) else { continue };
+            text.push_str(&piece(&mut random));
+            if let Some((to, bit)) = jump {
+                text.push_str(&format!("U M 1.{bit};\n{} a{to};\n", random.choice(["SPB", "SPBN"]).expect("one")));
+            }
+        }
+        same(&program(&text, FC));
     }
 }
 
@@ -151,9 +182,7 @@ fn many_values_wait() {
 
 #[test]
 fn an_inlined_block_leaves_what_it_has_written() {
-    let blocks = "FUNCTION FC 1 : INT\nVAR_INPUT\n x : INT;\n on : BOOL;\nEND_VAR\nVAR_OUTPUT\n q : BOOL;\nEND_VAR\n\
-        VAR_TEMP\n t : INT;\nEND_VAR\nBEGIN\nL #x;\n+ 3;\nT #t;\nU #on;\n= #q;\nSPBN z;\nL #t;\n+ 4;\nT #t;\nz: L #t;\nT #RET_VAL;\nEND_FUNCTION\n\
-        FUNCTION_BLOCK FB 1\nVAR_INPUT\n set : BOOL;\n v : INT;\nEND_VAR\nVAR_OUTPUT\n q : INT;\n on : BOOL;\nEND_VAR\n\
+    let block = "FUNCTION_BLOCK FB 1\nVAR_INPUT\n set : BOOL;\n v : INT;\nEND_VAR\nVAR_OUTPUT\n q : INT;\n on : BOOL;\nEND_VAR\n\
         VAR\n n : INT;\n e : BOOL;\nEND_VAR\nBEGIN\nU #set;\nFP #e;\n= #on;\nSPBN z1;\nL #v;\nT #n;\nz1: L #n;\n+ 1;\nT #n;\nT #q;\nEND_FUNCTION_BLOCK\n\
         DATA_BLOCK DB 2\nFB 1\nBEGIN\nEND_DATA_BLOCK\n";
     let pair = |k: u32| {
@@ -167,5 +196,5 @@ fn an_inlined_block_leaves_what_it_has_written() {
         )
     };
     let text: String = (0..10).map(pair).collect();
-    same(&program(&format!("{text}L DB2.DBW 4;\nT MW 100;\nL DB2.DBB 0;\nT MB 102;\n{text}"), blocks));
+    same(&program(&format!("{text}L DB2.DBW 4;\nT MW 100;\nL DB2.DBB 0;\nT MB 102;\n{text}"), &format!("{FC}{block}")));
 }

@@ -51,8 +51,7 @@ struct Held {
     waits: bool,
     /// When it was read or written.
     age: u64,
-    /// Where the value was known. What has to be written is written there: nothing between looks at it, and the value
-    /// need not be kept until here.
+    /// Where it was known.
     since: Point,
 }
 
@@ -489,7 +488,8 @@ impl Translation<'_, '_> {
         }
         self.know_here((part, spot.offset, bytes), value, true, reach);
         while let Some(oldest) = self.checked.cache.waits_for_room() {
-            self.write_held(oldest);
+            // Where it was known: nothing since then looks at it, and the value need not be kept until here.
+            self.write_where(oldest, true);
         }
         self.checked.cache.limit();
     }
@@ -539,18 +539,20 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Writes a value that waits: where it was known, or here beside the straight way.
+    /// Writes a value if it waits.
     fn write_held(&mut self, key: Key) {
+        self.write_where(key, false);
+    }
+
+    fn write_where(&mut self, key: Key, early: bool) {
         if self.checked.cache.get(key).is_none_or(|held| !held.waits) {
             return;
         }
-        self.settled(key);
-        let base = self.base(key.0);
-        let here = self.here();
+        let Some(value) = self.settled(key) else { return };
         let Some(held) = self.checked.cache.get_mut(key) else { return };
         held.waits = false;
-        let (value, since) = (held.value, if self.aside { here } else { held.since });
-        self.store_arena(base, key.1, value, since);
+        let at = if early { held.since } else { self.here() };
+        self.store_arena(self.base(key.0), key.1, value, at);
     }
 
     fn load_arena(&mut self, base: Value, offset: u32, bytes: u32) -> Value {

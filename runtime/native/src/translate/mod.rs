@@ -80,8 +80,6 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) wanted: Set,
     /// No actual parameter is a pointer: that was checked before the first statement.
     pub(crate) no_pointers: bool,
-    /// The code being made leaves the straight way, which has these values, too.
-    pub(crate) aside: bool,
     /// Compiled quickly: known contents of memory are dropped where paths meet.
     pub(crate) fast: bool,
     /// The variables of places of memory, for where paths meet.
@@ -284,7 +282,6 @@ pub(crate) fn translate(
         other,
         wanted: flow::ALL,
         no_pointers: false,
-        aside: false,
         fast: tier == Tier::Fast,
         places: BTreeMap::new(),
     };

@@ -312,14 +312,7 @@ impl Translation<'_, '_> {
             self.now.saved = [saved[0] || unknown[0], saved[1] || unknown[1]];
         }
         self.send_places(pc);
-        let uncounted = self.body.uncounted(
-            pc,
-            if std::env::var_os("OLDC").is_some() && self.body.inlined.is_none() {
-                pc as u32
-            } else {
-                self.now.uncounted
-            },
-        );
+        let uncounted = self.body.uncounted(pc, self.now.uncounted);
         self.count(uncounted);
     }
 
@@ -396,9 +389,8 @@ impl Translation<'_, '_> {
     /// Code that does not come back here: what is known stays as it is.
     pub(crate) fn beside(&mut self, make: impl FnOnce(&mut Self)) {
         let (before, checked) = (self.now.clone(), self.checked.clone());
-        let aside = std::mem::replace(&mut self.aside, true);
         make(self);
-        (self.now, self.checked, self.aside) = (before, checked, aside);
+        (self.now, self.checked) = (before, checked);
     }
 
     fn leave_here(&mut self, pc: usize) {
