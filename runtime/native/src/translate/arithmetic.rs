@@ -3,11 +3,7 @@
 
 use std::mem::offset_of;
 
-use cranelift_codegen::ir::{
-    InstBuilder, MemFlagsData, Value,
-    condcodes::{FloatCC, IntCC},
-    types,
-};
+use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, condcodes::IntCC, types};
 use ob1_cpu::engine::{CC0, CC1, Regs};
 use ob1_ir::{AccuOp, Compare, Convert, MathFn, NumberFormat, Op, WordLogic};
 
@@ -41,17 +37,17 @@ const fn reciprocal(divisor: i32) -> Option<(i32, u32)> {
 }
 
 /// What an overflow sets.
-const OVERFLOW: flow::Set = flow::OV | flow::OS;
+pub(super) const OVERFLOW: flow::Set = flow::OV | flow::OS;
 
 impl Translation<'_, '_> {
     /// CC1 and CC0 of a result, and OV, which also sets OS.
-    fn set_cc(&mut self, cc: Cc, ov: Bit) {
+    pub(super) fn set_cc(&mut self, cc: Cc, ov: Bit) {
         self.now.cc = cc;
         self.set_ov(ov);
     }
 
     /// OV, which also sets OS.
-    fn set_ov(&mut self, ov: Bit) {
+    pub(super) fn set_ov(&mut self, ov: Bit) {
         self.now.ov = ov;
         if ov != Bit::Known(false) && self.wanted & flow::OS != 0 {
             let os = self.now.os;
@@ -61,7 +57,7 @@ impl Translation<'_, '_> {
     }
 
     /// One of these registers is used after the statement.
-    const fn seen(&self, set: flow::Set) -> bool {
+    pub(super) const fn seen(&self, set: flow::Set) -> bool {
         self.wanted & set != 0
     }
 
@@ -86,7 +82,7 @@ impl Translation<'_, '_> {
     }
 
     /// OV, if it is read.
-    fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
+    pub(super) fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
         if self.seen(OVERFLOW) { Bit::Val(ov(self)) } else { Bit::Known(false) }
     }
 
@@ -400,52 +396,6 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn real(&mut self, op: AccuOp) {
-        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
-        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
-        let result = match op {
-            AccuOp::Add => self.b.ins().fadd(x, y),
-            AccuOp::Sub => self.b.ins().fsub(x, y),
-            AccuOp::Mul => self.b.ins().fmul(x, y),
-            AccuOp::Div | AccuOp::Mod => match self.exact_reciprocal() {
-                Some(factor) => self.b.ins().fmul(x, factor),
-                None => self.b.ins().fdiv(x, y),
-            },
-        };
-        self.set_real(result);
-    }
-
-    /// A product with the reciprocal of a power of two is the quotient, and is ready sooner.
-    fn exact_reciprocal(&mut self) -> Option<Value> {
-        let Accu::Full(divisor) = self.now.a[0] else { return None };
-        let divisor = state::constant(&self.b, divisor)? as u32;
-        let reciprocal = 1.0 / f32::from_bits(divisor);
-        let bits = (divisor & 0x007F_FFFF == 0 && reciprocal.is_normal()).then(|| self.word(reciprocal.to_bits()))?;
-        Some(self.b.ins().bitcast(types::F32, MemFlagsData::new(), bits))
-    }
-
-    /// A floating-point result: 0 and denormalised numbers have no sign, a NaN sets both codes.
-    fn set_real(&mut self, result: Value) {
-        self.now.a[0] = Accu::Real(result);
-        if !self.seen(flow::CC | OVERFLOW) {
-            return;
-        }
-        let least = self.b.ins().f32const(f32::MIN_POSITIVE);
-        let negative = self.b.ins().f32const(-f32::MIN_POSITIVE);
-        let most = self.b.ins().f32const(f32::MAX);
-        let zero = self.b.ins().f32const(0.0);
-        let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThanOrEqual, result, least);
-        let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThanOrEqual, result, negative);
-        let size = self.b.ins().fabs(result);
-        let large = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, size, least);
-        let finite = self.b.ins().fcmp(FloatCC::LessThanOrEqual, size, most);
-        let normal = self.b.ins().band(large, finite);
-        let none = self.b.ins().fcmp(FloatCC::Equal, result, zero);
-        let good = self.b.ins().bor(normal, none);
-        let ov = state::not(Bit::Val(good), &mut self.b);
-        self.set_cc(Cc::Pair(cc1, cc0), ov);
-    }
-
     fn compare(&mut self, format: NumberFormat, compare: Compare) {
         let how = condition(compare);
         let (x, y) = match format {
@@ -463,29 +413,6 @@ impl Translation<'_, '_> {
             self.now.cc = Cc::Pair(greater, less);
         }
         self.set_ov(Bit::Known(false));
-        self.set_result(Bit::Val(rlo));
-    }
-
-    /// With a NaN every comparison is false.
-    fn compare_real(&mut self, compare: Compare) {
-        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
-        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
-        let how = match compare {
-            Compare::Equal => FloatCC::Equal,
-            Compare::NotEqual => FloatCC::OrderedNotEqual,
-            Compare::Greater => FloatCC::GreaterThan,
-            Compare::Less => FloatCC::LessThan,
-            Compare::GreaterEqual => FloatCC::GreaterThanOrEqual,
-            Compare::LessEqual => FloatCC::LessThanOrEqual,
-        };
-        let rlo = self.b.ins().fcmp(how, x, y);
-        if self.seen(flow::CC) {
-            let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThan, x, y);
-            let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThan, x, y);
-            self.now.cc = Cc::Pair(cc1, cc0);
-        }
-        let ov = self.overflow(|t| t.b.ins().fcmp(FloatCC::Unordered, x, y));
-        self.set_ov(ov);
         self.set_result(Bit::Val(rlo));
     }
 
@@ -562,29 +489,6 @@ impl Translation<'_, '_> {
             }
             other => debug_assert!(false, "{other:?} is not compiled"),
         }
-    }
-
-    /// Out of range or NaN: ACCU1 stays, OV and OS are set. CC1 and CC0 stay.
-    fn round(&mut self, kind: Convert) {
-        let x = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
-        let before = self.accu(0);
-        let whole = match kind {
-            Convert::Rnd => self.b.ins().nearest(x),
-            Convert::RndPlus => self.b.ins().ceil(x),
-            Convert::RndMinus => self.b.ins().floor(x),
-            _ => self.b.ins().trunc(x),
-        };
-        // Those from -2^31 to below 2^31 have a result; beyond 2^23 all are whole. The sign goes behind the size, and
-        // decides at 2^31.
-        let (one, least) = (self.word(1), self.word((-2_147_483_648f32).to_bits().rotate_left(1) ^ 1));
-        let size = self.b.ins().rotl(before, one);
-        let size = self.b.ins().bxor(size, one);
-        let good = self.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, size, least);
-        let number = self.b.ins().fcvt_to_sint_sat(types::I32, whole);
-        let result = self.b.ins().select(good, number, before);
-        self.set_full(result);
-        let ov = state::not(Bit::Val(good), &mut self.b);
-        self.set_ov(ov);
     }
 }
 

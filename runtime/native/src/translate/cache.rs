@@ -2,23 +2,21 @@
 //! writes to one place become one. Bytes of a word are taken from it, and a word is put together from its bytes: a
 //! processor that reads from memory what it has just written in other pieces waits until all of them have arrived.
 //!
-//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet) everything is written;
-//! before an access whose place is computed, whatever it can reach.
+//! Before anybody may look (the reference, a safe point, a call, a jump back) everything is written; before an access
+//! whose place is computed, whatever it can reach. A store of what nobody replaces lies here or, when many values wait,
+//! where the oldest was known.
 
 use std::cmp::Reverse;
 
 use cranelift_codegen::cursor::{Cursor, FuncCursor};
 use cranelift_codegen::ir::{Block, Function, Inst, InstBuilder, Opcode, Type, Value, ValueDef, types};
-use cranelift_frontend::Variable;
 
 use super::Translation;
-use super::operand::{BitAt, Reach, Spot};
+use super::operand::{Reach, Spot};
 use super::state::Bit;
 
 /// Places whose value waits to be written, at most: more would only move to the stack.
 const WAITING: usize = 12;
-/// Places whose values are known where jumps meet, at most.
-const SENT: usize = 8;
 /// How far before a value a slow instruction is looked for.
 const NEAR: u32 = 8;
 /// Places whose value is known, at most.
@@ -39,42 +37,32 @@ pub(crate) enum Part {
 }
 
 /// A place of the code: behind this instruction of a block, or at its beginning.
-type Point = (Block, Option<Inst>);
+pub(super) type Point = (Block, Option<Inst>);
 
 #[derive(Clone, Copy, Debug)]
-struct Held {
+pub(super) struct Held {
     /// As wide as the place.
-    value: Value,
-    bytes: u32,
-    reach: Reach,
+    pub(super) value: Value,
+    pub(super) bytes: u32,
+    pub(super) reach: Reach,
     /// Memory does not have it yet.
-    waits: bool,
+    pub(super) waits: bool,
     /// When it was read or written.
-    age: u64,
+    pub(super) age: u64,
     /// Where it was known.
-    since: Point,
-}
-
-/// A place that is known where jumps meet.
-#[derive(Clone, Debug)]
-pub(crate) struct Met {
-    pub(crate) place: Place,
-    held: Held,
-    bits: Vec<(u8, Bit)>,
-    /// All paths so far have this value since the same point of the code. Otherwise it is in the place's variable.
-    same: bool,
+    pub(super) since: Point,
 }
 
 /// The part and the first byte of a place.
-type Key = (Part, u32);
+pub(super) type Key = (Part, u32);
 
 /// Values by their places, in order: there are few, and each statement looks at most of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cache {
-    held: Vec<(Key, Held)>,
+    pub(super) held: Vec<(Key, Held)>,
     /// Bits of bytes that wait to be written: they replace those of the byte's value when somebody wants all of it.
-    bits: Vec<(Key, u8, Bit)>,
-    turns: u64,
+    pub(super) bits: Vec<(Key, u8, Bit)>,
+    pub(super) turns: u64,
 }
 
 impl Cache {
@@ -88,7 +76,7 @@ impl Cache {
         self.held.get(index).is_some_and(|(found, _)| *found == key).then_some(index)
     }
 
-    fn get(&self, key: Key) -> Option<&Held> {
+    pub(super) fn get(&self, key: Key) -> Option<&Held> {
         self.find(key).map(|index| &self.held[index].1)
     }
 
@@ -100,16 +88,7 @@ impl Cache {
         self.find(key).map(|index| self.held.remove(index).1)
     }
 
-    fn bits_of(&self, key: Key) -> Vec<(u8, Bit)> {
-        self.bits.iter().filter(|(byte, ..)| *byte == key).map(|(_, at, bit)| (*at, *bit)).collect()
-    }
-
-    fn set_bits(&mut self, key: Key, bits: &[(u8, Bit)]) {
-        self.bits.retain(|(byte, ..)| *byte != key);
-        self.bits.extend(bits.iter().map(|(at, bit)| (key, *at, *bit)));
-    }
-
-    fn insert(&mut self, key: Key, held: Held) {
+    pub(super) fn insert(&mut self, key: Key, held: Held) {
         let index = self.from(key);
         match self.held.get_mut(index) {
             Some((found, before)) if *found == key => *before = held,
@@ -118,7 +97,7 @@ impl Cache {
     }
 
     /// Forgets all but what waits to be written and the `most` newest places. Returns the places that are left.
-    fn keep(&mut self, most: usize) -> Vec<Place> {
+    pub(super) fn keep(&mut self, most: usize) -> Vec<Place> {
         let mut ages: Vec<u64> = self.held.iter().filter(|(_, held)| !held.waits).map(|(_, held)| held.age).collect();
         ages.sort_unstable_by_key(|age| Reverse(*age));
         let least = ages.get(most.wrapping_sub(1)).copied().unwrap_or(0);
@@ -135,7 +114,7 @@ impl Cache {
         waiting().min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
     }
 
-    fn waiting(&self) -> Vec<Place> {
+    pub(super) fn waiting(&self) -> Vec<Place> {
         self.held.iter().filter(|(_, held)| held.waits).map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
@@ -165,7 +144,7 @@ impl Cache {
 
 impl Translation<'_, '_> {
     /// The part a place lies in. An address that is used once only is none.
-    fn part(&self, spot: Spot) -> Option<Part> {
+    pub(super) fn part(&self, spot: Spot) -> Option<Part> {
         if spot.base == self.arena {
             Some(Part::Arena)
         } else if spot.base == self.local {
@@ -175,7 +154,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn base(&self, part: Part) -> Value {
+    pub(super) fn base(&self, part: Part) -> Value {
         match part {
             Part::Arena => self.arena,
             Part::Local => self.local,
@@ -211,94 +190,22 @@ impl Translation<'_, '_> {
         self.load_arena(self.base(part), at, bytes)
     }
 
-    /// Jumps meet before statement `pc`: the variables of its places get their values. Only places known on all paths
-    /// are known there, besides those that wait to be written: the first path decides which these are.
-    pub(crate) fn send_places(&mut self, pc: usize) {
-        if self.fast || self.body.loops[pc] {
-            self.write_back();
-            return;
-        }
-        let before = self.body.meeting[pc].take().unwrap_or_else(|| self.first_met(pc));
-        let mut all = Vec::with_capacity(before.len());
-        for met in before {
-            let Some((met, value)) = self.met_again(met) else { continue };
-            let var = self.variable(met.place);
-            self.b.def_var(var, value);
-            all.push(met);
-        }
-        for place in self.checked.cache.waiting() {
-            if !all.iter().any(|met| met.place == place) {
-                self.write_held((place.0, place.1));
-            }
-        }
-        self.body.meeting[pc] = Some(all);
-    }
-
-    fn first_met(&self, pc: usize) -> Vec<Met> {
-        let mut cache = self.checked.cache.clone();
-        cache.held.retain(|(key, _)| !matches!(key.0, Part::At(_)));
-        let sent = cache.keep(SENT);
-        // The reference comes back with what memory has.
-        let same = self.body.inlined.is_some() || !self.body.entries[pc];
-        let met =
-            |(place, (key, held)): (Place, &(Key, Held))| Met { place, held: *held, bits: cache.bits_of(*key), same };
-        sent.into_iter().zip(&cache.held).map(met).collect()
-    }
-
-    /// The place and its value on one more path.
-    fn met_again(&mut self, mut met: Met) -> Option<(Met, Value)> {
-        let (part, at, bytes) = met.place;
-        let held = self.checked.cache.get((part, at)).filter(|held| held.bytes == bytes).copied();
-        if let Some(held) = held {
-            met.same &= (held.value, held.since) == (met.held.value, met.held.since)
-                && self.checked.cache.bits_of((part, at)) == met.bits;
-            met.held.waits |= held.waits;
-        } else if met.held.waits {
-            // It waits on another path: here it gets the value that memory has.
-            met.same = false;
-        } else {
-            return None;
-        }
-        let value = self.content(Spot::fixed(self.base(part), at, BitAt::Known(0)), bytes * 8);
-        Some((met, value))
-    }
-
-    /// What is known where jumps have met.
-    pub(crate) fn take_places(&mut self, pc: usize) {
-        for Met { place, held, bits, same } in self.body.meeting[pc].clone().unwrap_or_default() {
-            let key = (place.0, place.1);
-            if same {
-                self.know(place, held.value, held.waits, held.reach, held.since);
-                self.checked.cache.set_bits(key, &bits);
-            } else {
-                let var = self.variable(place);
-                let value = self.b.use_var(var);
-                let since = self.here();
-                self.know(place, value, held.waits, held.reach, since);
-            }
-        }
-    }
-
     /// Memory is known to have this value, or is to get it.
-    fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach, since: Point) {
+    pub(super) fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
+        let since = self.here();
         let cache = &mut self.checked.cache;
         cache.turns += 1;
         cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns, since });
     }
 
-    fn know_here(&mut self, place: Place, value: Value, waits: bool, reach: Reach) {
-        let since = self.here();
-        self.know(place, value, waits, reach, since);
-    }
-
     /// The end of the code so far.
-    fn here(&mut self) -> Point {
+    pub(super) fn here(&mut self) -> Point {
         self.b.ensure_inserted_block();
         let block = self.b.current_block().expect("code is being made");
         (block, self.b.func.layout.last_inst(block))
     }
 
-    fn at(&mut self, (block, behind): Point) -> FuncCursor<'_> {
+    pub(super) fn at(&mut self, (block, behind): Point) -> FuncCursor<'_> {
         let mut cursor = FuncCursor::new(self.b.func);
         match behind {
             Some(inst) => {
@@ -307,72 +214,6 @@ impl Translation<'_, '_> {
             }
             None => cursor.at_first_insertion_point(block),
         }
-    }
-
-    /// The value of a known place, with the bits that wait.
-    fn settled(&mut self, key: Key) -> Option<Value> {
-        let held = *self.checked.cache.get(key)?;
-        let bits = self.checked.cache.bits_of(key);
-        if bits.is_empty() {
-            return Some(held.value);
-        }
-        let mut cursor = self.at(held.since);
-        let value = with_bits(&mut cursor, held.value, &bits);
-        cursor.prev_inst();
-        let since = (held.since.0, cursor.current_inst());
-        self.checked.cache.set_bits(key, &[]);
-        self.checked.cache.insert(key, Held { value, since, ..held });
-        Some(value)
-    }
-
-    /// A bit that waits to be put into its byte.
-    pub(crate) fn waiting_bit(&self, spot: Spot, at: u8) -> Option<Bit> {
-        let part = self.part(spot)?;
-        let found = |(byte, bit, _): &&(Key, u8, Bit)| (*byte, *bit) == ((part, spot.offset), at);
-        self.checked.cache.bits.iter().find(found).map(|(_, _, bit)| *bit)
-    }
-
-    /// A byte, without the bits that wait to be put into it.
-    pub(crate) fn byte_of(&mut self, spot: Spot) -> Value {
-        let held = self.part(spot).and_then(|part| self.checked.cache.get((part, spot.offset)));
-        match held {
-            Some(held) if held.bytes == 1 => held.value,
-            _ => self.content(spot, 8),
-        }
-    }
-
-    /// Replaces what [`Self::byte_of`] gave: the bits that wait still do.
-    pub(crate) fn put_byte(&mut self, spot: Spot, byte: Value) {
-        let key = self.part(spot).map(|part| (part, spot.offset));
-        let bits = key.map(|key| self.checked.cache.bits_of(key)).unwrap_or_default();
-        self.put_content(spot, byte);
-        if let Some(key) = key {
-            self.checked.cache.set_bits(key, &bits);
-        }
-    }
-
-    /// A bit of memory from here on.
-    pub(crate) fn put_known_bit(&mut self, spot: Spot, at: u8, bit: Bit) {
-        let byte = self.byte_of(spot);
-        let Some(part) = self.part(spot) else {
-            let here = self.here();
-            let new = with_bits(&mut self.at(here), byte, &[(at, bit)]);
-            self.put_content(spot, new);
-            return;
-        };
-        self.put_byte(spot, byte);
-        self.checked.cache.bits.retain(|(byte, n, _)| (*byte, *n) != ((part, spot.offset), at));
-        self.checked.cache.bits.push(((part, spot.offset), at, bit));
-    }
-
-    /// The variable of a place, for where jumps meet.
-    pub(crate) fn variable(&mut self, place: Place) -> Variable {
-        if let Some(var) = self.places.get(&place) {
-            return *var;
-        }
-        let var = self.b.declare_var(integer(place.2));
-        self.places.insert(place, var);
-        var
     }
 
     /// What an access to a place of a part can reach.
@@ -408,7 +249,7 @@ impl Translation<'_, '_> {
             return value;
         }
         if let Some((value, waits)) = self.put_together(part, spot.offset, bytes) {
-            self.know_here((part, spot.offset, bytes), value, waits, reach);
+            self.know((part, spot.offset, bytes), value, waits, reach);
             return value;
         }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
@@ -417,7 +258,7 @@ impl Translation<'_, '_> {
         }
         self.write_reached(Some(part), reach);
         let value = self.load_arena(spot.base, spot.offset, bytes);
-        self.know_here((part, spot.offset, bytes), value, false, reach);
+        self.know((part, spot.offset, bytes), value, false, reach);
         self.checked.cache.limit();
         value
     }
@@ -486,7 +327,7 @@ impl Translation<'_, '_> {
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
             self.cut_off(other, spot.offset, spot.offset + bytes);
         }
-        self.know_here((part, spot.offset, bytes), value, true, reach);
+        self.know((part, spot.offset, bytes), value, true, reach);
         while let Some(oldest) = self.checked.cache.waits_for_room() {
             // Where it was known: nothing since then looks at it, and the value need not be kept until here.
             self.write_where(oldest, true);
@@ -507,7 +348,7 @@ impl Translation<'_, '_> {
                     Part::At(_) => held.reach,
                     part => self.fixed_reach(part, at, bytes),
                 };
-                self.know_here((key.0, at, bytes), value, held.waits, reach);
+                self.know((key.0, at, bytes), value, held.waits, reach);
                 at += bytes;
             }
         }
@@ -540,7 +381,7 @@ impl Translation<'_, '_> {
     }
 
     /// Writes a value if it waits.
-    fn write_held(&mut self, key: Key) {
+    pub(super) fn write_held(&mut self, key: Key) {
         self.write_where(key, false);
     }
 
@@ -578,52 +419,8 @@ fn is_slow(func: &Function, value: Value, block: Block, steps: u32) -> bool {
     func.layout.inst_block(inst) == Some(block) && (slow || steps > 0 && func.dfg.inst_args(inst).iter().any(further))
 }
 
-/// A byte of which these bits are replaced. Bits of one value that move equally far move together.
-fn with_bits(at: &mut FuncCursor<'_>, byte: Value, bits: &[(u8, Bit)]) -> Value {
-    let (mut replaced, mut ones) = (0u8, 0u8);
-    let mut moves: Vec<(Value, i8, Option<u8>)> = Vec::new();
-    for (to, bit) in bits {
-        let mask = 1 << to;
-        replaced |= mask;
-        match *bit {
-            Bit::Known(one) => ones |= if one { mask } else { 0 },
-            Bit::Val(v) => moves.push((v, *to as i8, None)),
-            Bit::At(v, from) => {
-                let by = *to as i8 - from as i8;
-                match moves.iter_mut().find(|(value, other, _)| (*value, *other) == (v, by)) {
-                    Some((.., Some(together))) => *together |= mask,
-                    _ => moves.push((v, by, Some(mask))),
-                }
-            }
-            Bit::Var => debug_assert!(false, "variables are read before bits are written"),
-        }
-    }
-    let constant = |at: &mut FuncCursor<'_>, v: u8| at.ins().iconst(types::I8, i64::from(v));
-    let mut whole = (replaced != 0xFF).then_some(byte);
-    if replaced != ones && whole.is_some() {
-        let rest = constant(at, !replaced);
-        whole = Some(at.ins().band(byte, rest));
-    }
-    if ones != 0 || whole.is_none() && moves.is_empty() {
-        let ones = constant(at, ones);
-        whole = Some(whole.map_or(ones, |whole| at.ins().bor(whole, ones)));
-    }
-    for (mut v, by, mask) in moves {
-        if by != 0 {
-            let distance = constant(at, by.unsigned_abs());
-            v = if by > 0 { at.ins().ishl(v, distance) } else { at.ins().ushr(v, distance) };
-        }
-        if let Some(mask) = mask {
-            let mask = constant(at, mask);
-            v = at.ins().band(v, mask);
-        }
-        whole = Some(whole.map_or(v, |whole| at.ins().bor(whole, v)));
-    }
-    whole.unwrap_or(byte)
-}
-
 /// The type of an integer of 1, 2 or 4 bytes.
-const fn integer(bytes: u32) -> Type {
+pub(super) const fn integer(bytes: u32) -> Type {
     match bytes {
         1 => types::I8,
         2 => types::I16,

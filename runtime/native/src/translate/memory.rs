@@ -44,7 +44,9 @@ impl Translation<'_, '_> {
 
     /// Writes a bit.
     pub(crate) fn put_bit(&mut self, spot: Spot, value: Bit) {
-        if let BitAt::Known(at) = spot.bit {
+        if let BitAt::Known(at) = spot.bit
+            && self.part(spot).is_some()
+        {
             self.put_known_bit(spot, at, value);
             return;
         }

@@ -11,12 +11,15 @@ pub(crate) mod cache;
 mod control;
 mod direct;
 mod inlined;
+mod meeting;
 mod memory;
 pub(crate) mod operand;
+mod reals;
 mod shifts;
 mod spill;
 pub(crate) mod state;
 mod timers;
+mod waiting;
 mod words;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,7 +135,7 @@ pub(crate) struct Body<'a> {
     /// Statements a jump leads back to: not every path to them is known when they are translated.
     pub(crate) loops: Vec<bool>,
     /// Places whose values are known on all paths that lead to a statement so far.
-    pub(crate) meeting: Vec<Option<Vec<cache::Met>>>,
+    pub(crate) meeting: Vec<Option<Vec<meeting::Met>>>,
     /// What the count lacks where jumps have met so far.
     pub(crate) uncounted: Vec<Option<u32>>,
     /// Registers that memory may lack where jumps meet.

@@ -5,8 +5,9 @@ use std::mem::offset_of;
 use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
 use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Regs};
 
+use super::meeting::Met;
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
-use super::{Checked, Landing, Translation, cache};
+use super::{Checked, Landing, Translation};
 use crate::flow::{self, Facts, Set};
 use crate::run::Run;
 
@@ -553,7 +554,7 @@ impl Translation<'_, '_> {
             self.outer_nest();
         }
         if let Some(pc) = to.met {
-            for cache::Met { place, .. } in self.body.meeting[pc].clone().unwrap_or_default() {
+            for Met { place, .. } in self.body.meeting[pc].clone().unwrap_or_default() {
                 let value = self.load_place(place);
                 let var = self.variable(place);
                 self.b.def_var(var, value);
