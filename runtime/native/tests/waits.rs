@@ -1,6 +1,8 @@
 //! What waits to be written to memory: values across jumps, bits for their byte. Each program runs on the reference
 //! engine and in both tiers; and where a write must not be there, the code is read.
 
+use std::fmt::Write as _;
+
 use fastrand::Rng;
 use ob1_cpu::engine::{Factory, REFERENCE};
 use ob1_cpu::{Command, Cpu, CpuConfig, Still, system_blocks};
@@ -105,22 +107,17 @@ fn random_paths_meet() {
     for seed in 0..PROGRAMS {
         let mut random = Rng::with_seed(seed);
         let pieces = random.usize(4..24);
-        let mut jumps = vec![None; pieces];
+        let mut jump =
+            |at: usize| (random.u8(0..3) == 0).then(|| (random.usize(at + 1..=pieces), random.u8(0..3), random.bool()));
+        let jumps: Vec<_> = (0..pieces).map(&mut jump).collect();
         let mut text = String::new();
-        for at in 0..pieces {
-            if random.u8(0..3) == 0 {
-                let to = random.usize(at + 1..=pieces);
-                jumps[at] = Some((to, random.u8(0..3)));
+        for (at, jump) in jumps.iter().chain([&None]).enumerate() {
+            if jumps.iter().flatten().any(|(to, ..)| *to == at) {
+                let _ = writeln!(text, "a{at}: NOP 0;");
             }
-        }
-        for at in 0..=pieces {
-            if jumps.iter().any(|jump| jump.is_some_and(|(to, _)| to == at)) {
-                text.push_str(&format!("a{at}: NOP 0;\n"));
-            }
-            let Some(jump) = jumps.get(at) else { continue };
             text.push_str(&piece(&mut random));
-            if let Some((to, bit)) = jump {
-                text.push_str(&format!("U M 1.{bit};\n{} a{to};\n", random.choice(["SPB", "SPBN"]).expect("one")));
+            if let Some((to, bit, on)) = jump {
+                let _ = writeln!(text, "U M 1.{bit};\n{} a{to};", if *on { "SPB" } else { "SPBN" });
             }
         }
         same(&program(&text, FC));
@@ -141,7 +138,7 @@ fn a_fault_beside_finds_what_waits() {
 fn bits_wait_for_their_byte() {
     let mut all = String::from("L MB 1;\nT MB 9;\n");
     for at in 0..8 {
-        all.push_str(&format!("U M 0.{at};\nXN M 1.{};\n= M 8.{at};\n", 7 - at));
+        let _ = writeln!(all, "U M 0.{at};\nXN M 1.{};\n= M 8.{at};", 7 - at);
     }
     same(&program(&all, ""));
     assert_eq!(stores(&all), 2, "a byte is written once");
