@@ -69,10 +69,9 @@ impl Env<'_> {
     /// How `op` is executed.
     pub(crate) fn how(&self, op: &Op) -> How {
         let at = |place: &Place, bits: u32| match place::class(place, bits, self.plan) {
-            place::Class::Fixed(_) => How::Plain,
-            place::Class::Checked if !self.inlined => How::Checked,
-            place::Class::Checked => How::Plain,
             place::Class::Slow => How::Step,
+            place::Class::Checked if !self.inlined => How::Checked,
+            _ => How::Plain,
         };
         let written = |place: &Place, bits: u32| if self.mcr { How::Step } else { at(place, bits) };
         let known = |there: bool| if there { How::Plain } else { How::Step };

@@ -3,7 +3,11 @@
 
 use std::mem::offset_of;
 
-use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, condcodes::IntCC, types};
+use cranelift_codegen::ir::{
+    InstBuilder, Value,
+    condcodes::{FloatCC, IntCC},
+    types,
+};
 use ob1_cpu::engine::{CC0, CC1, Regs};
 use ob1_ir::{AccuOp, Compare, Convert, MathFn, NumberFormat, Op, WordLogic};
 
@@ -37,17 +41,17 @@ const fn reciprocal(divisor: i32) -> Option<(i32, u32)> {
 }
 
 /// What an overflow sets.
-pub(super) const OVERFLOW: flow::Set = flow::OV | flow::OS;
+const OVERFLOW: flow::Set = flow::OV | flow::OS;
 
 impl Translation<'_, '_> {
     /// CC1 and CC0 of a result, and OV, which also sets OS.
-    pub(super) fn set_cc(&mut self, cc: Cc, ov: Bit) {
+    fn set_cc(&mut self, cc: Cc, ov: Bit) {
         self.now.cc = cc;
         self.set_ov(ov);
     }
 
     /// OV, which also sets OS.
-    pub(super) fn set_ov(&mut self, ov: Bit) {
+    fn set_ov(&mut self, ov: Bit) {
         self.now.ov = ov;
         if ov != Bit::Known(false) && self.wanted & flow::OS != 0 {
             let os = self.now.os;
@@ -57,7 +61,7 @@ impl Translation<'_, '_> {
     }
 
     /// One of these registers is used after the statement.
-    pub(super) const fn seen(&self, set: flow::Set) -> bool {
+    const fn seen(&self, set: flow::Set) -> bool {
         self.wanted & set != 0
     }
 
@@ -82,7 +86,7 @@ impl Translation<'_, '_> {
     }
 
     /// OV, if it is read.
-    pub(super) fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
+    fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
         if self.seen(OVERFLOW) { Bit::Val(ov(self)) } else { Bit::Known(false) }
     }
 
@@ -286,15 +290,6 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The low word of an accumulator in 16 bits.
-    fn low_word(&mut self, i: usize) -> Value {
-        let v = self.accu_low(i);
-        match state::constant(&self.b, v) {
-            Some(c) => self.b.iconst(types::I16, c & 0xFFFF),
-            None => state::word_of(v, &self.b).unwrap_or_else(|| self.b.ins().ireduce(types::I16, v)),
-        }
-    }
-
     /// The product of two numbers of 16 bits with their sign. A sum of two shifts is ready sooner than a product.
     fn product(&mut self, x: Value, y: Value) -> Value {
         let known = [(x, y), (y, x)].into_iter().find_map(|(c, v)| Some((state::constant(&self.b, c)? as u32, v)));
@@ -396,6 +391,40 @@ impl Translation<'_, '_> {
         }
     }
 
+    fn real(&mut self, op: AccuOp) {
+        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
+        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let result = match op {
+            AccuOp::Add => self.b.ins().fadd(x, y),
+            AccuOp::Sub => self.b.ins().fsub(x, y),
+            AccuOp::Mul => self.b.ins().fmul(x, y),
+            AccuOp::Div | AccuOp::Mod => self.b.ins().fdiv(x, y),
+        };
+        self.set_real(result);
+    }
+
+    /// A floating-point result: 0 and denormalised numbers have no sign, a NaN sets both codes.
+    fn set_real(&mut self, result: Value) {
+        self.now.a[0] = Accu::Real(result);
+        if !self.seen(flow::CC | OVERFLOW) {
+            return;
+        }
+        let least = self.b.ins().f32const(f32::MIN_POSITIVE);
+        let negative = self.b.ins().f32const(-f32::MIN_POSITIVE);
+        let most = self.b.ins().f32const(f32::MAX);
+        let zero = self.b.ins().f32const(0.0);
+        let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThanOrEqual, result, least);
+        let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThanOrEqual, result, negative);
+        let size = self.b.ins().fabs(result);
+        let large = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, size, least);
+        let finite = self.b.ins().fcmp(FloatCC::LessThanOrEqual, size, most);
+        let normal = self.b.ins().band(large, finite);
+        let none = self.b.ins().fcmp(FloatCC::Equal, result, zero);
+        let good = self.b.ins().bor(normal, none);
+        let ov = state::not(Bit::Val(good), &mut self.b);
+        self.set_cc(Cc::Pair(cc1, cc0), ov);
+    }
+
     fn compare(&mut self, format: NumberFormat, compare: Compare) {
         let how = condition(compare);
         let (x, y) = match format {
@@ -416,6 +445,29 @@ impl Translation<'_, '_> {
         self.set_result(Bit::Val(rlo));
     }
 
+    /// With a NaN every comparison is false.
+    fn compare_real(&mut self, compare: Compare) {
+        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
+        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let how = match compare {
+            Compare::Equal => FloatCC::Equal,
+            Compare::NotEqual => FloatCC::OrderedNotEqual,
+            Compare::Greater => FloatCC::GreaterThan,
+            Compare::Less => FloatCC::LessThan,
+            Compare::GreaterEqual => FloatCC::GreaterThanOrEqual,
+            Compare::LessEqual => FloatCC::LessThanOrEqual,
+        };
+        let rlo = self.b.ins().fcmp(how, x, y);
+        if self.seen(flow::CC) {
+            let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThan, x, y);
+            let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThan, x, y);
+            self.now.cc = Cc::Pair(cc1, cc0);
+        }
+        let ov = self.overflow(|t| t.b.ins().fcmp(FloatCC::Unordered, x, y));
+        self.set_ov(ov);
+        self.set_result(Bit::Val(rlo));
+    }
+
     fn convert(&mut self, kind: Convert) {
         match kind {
             Convert::Itd => {
@@ -424,10 +476,8 @@ impl Translation<'_, '_> {
             }
             Convert::Dtr => {
                 let v = self.accu(0);
-                // It is no NaN: its bits are the number.
                 let real = self.b.ins().fcvt_from_sint(types::F32, v);
-                let bits = self.b.ins().bitcast(types::I32, MemFlagsData::new(), real);
-                self.set_full(bits);
+                self.now.a[0] = Accu::Real(real);
             }
             Convert::Rnd | Convert::RndPlus | Convert::RndMinus | Convert::Trunc => self.round(kind),
             Convert::Invi => {
@@ -489,6 +539,29 @@ impl Translation<'_, '_> {
             }
             other => debug_assert!(false, "{other:?} is not compiled"),
         }
+    }
+
+    /// Out of range or NaN: ACCU1 stays, OV and OS are set. CC1 and CC0 stay.
+    fn round(&mut self, kind: Convert) {
+        let x = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let before = self.accu(0);
+        let whole = match kind {
+            Convert::Rnd => self.b.ins().nearest(x),
+            Convert::RndPlus => self.b.ins().ceil(x),
+            Convert::RndMinus => self.b.ins().floor(x),
+            _ => self.b.ins().trunc(x),
+        };
+        // Those from -2^31 to below 2^31 have a result; beyond 2^23 all are whole. The sign goes behind the size, and
+        // decides at 2^31.
+        let (one, least) = (self.word(1), self.word((-2_147_483_648f32).to_bits().rotate_left(1) ^ 1));
+        let size = self.b.ins().rotl(before, one);
+        let size = self.b.ins().bxor(size, one);
+        let good = self.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, size, least);
+        let number = self.b.ins().fcvt_to_sint_sat(types::I32, whole);
+        let result = self.b.ins().select(good, number, before);
+        self.set_full(result);
+        let ov = state::not(Bit::Val(good), &mut self.b);
+        self.set_ov(ov);
     }
 }
 

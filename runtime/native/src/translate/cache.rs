@@ -253,7 +253,7 @@ impl Translation<'_, '_> {
             return value;
         }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
-            self.write_held(other);
+            self.write_held(other, false);
             self.checked.cache.remove(other);
         }
         self.write_reached(Some(part), reach);
@@ -316,7 +316,7 @@ impl Translation<'_, '_> {
         let part = self.part(spot);
         let reach = self.reach_of(part, spot, bytes);
         for other in self.checked.cache.reached(part, reach) {
-            self.write_held(other);
+            self.write_held(other, false);
             self.checked.cache.remove(other);
         }
         let Some(part) = part else {
@@ -329,8 +329,8 @@ impl Translation<'_, '_> {
         }
         self.know((part, spot.offset, bytes), value, true, reach);
         while let Some(oldest) = self.checked.cache.waits_for_room() {
-            // Where it was known: nothing since then looks at it, and the value need not be kept until here.
-            self.write_where(oldest, true);
+            // Nothing since it was known looks at it, and the value need not be kept until here.
+            self.write_held(oldest, true);
         }
         self.checked.cache.limit();
     }
@@ -357,14 +357,14 @@ impl Translation<'_, '_> {
     /// Writes what waits in other parts and may lie where an access reaches.
     fn write_reached(&mut self, part: Option<Part>, reach: Reach) {
         for key in self.checked.cache.reached(part, reach) {
-            self.write_held(key);
+            self.write_held(key, false);
         }
     }
 
     /// Writes what waits to be written.
     pub(crate) fn write_back(&mut self) {
         for (part, at, _) in self.checked.cache.waiting() {
-            self.write_held((part, at));
+            self.write_held((part, at), false);
         }
     }
 
@@ -375,17 +375,13 @@ impl Translation<'_, '_> {
         for (part, at, _) in self.checked.cache.waiting() {
             let held = self.checked.cache.get((part, at));
             if held.is_some_and(|held| is_slow(self.b.func, held.value, block, NEAR)) {
-                self.write_held((part, at));
+                self.write_held((part, at), false);
             }
         }
     }
 
-    /// Writes a value if it waits.
-    pub(super) fn write_held(&mut self, key: Key) {
-        self.write_where(key, false);
-    }
-
-    fn write_where(&mut self, key: Key, early: bool) {
+    /// Writes a value if it waits: here, or `early` where it was known.
+    pub(super) fn write_held(&mut self, key: Key, early: bool) {
         if self.checked.cache.get(key).is_none_or(|held| !held.waits) {
             return;
         }

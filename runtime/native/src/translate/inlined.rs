@@ -120,10 +120,9 @@ impl Translation<'_, '_> {
         for input in &call.ins {
             let to = spot(self.arena, db.at.0 * 8 + input.at);
             match &input.from {
-                InSource::Const(value) if input.bits == 1 => self.put_bit(to, Bit::Known(value & 1 == 1)),
                 InSource::Const(value) => {
                     let value = self.word(*value);
-                    self.write(to, input.bits, value);
+                    self.put_value(to, input.bits, value);
                 }
                 InSource::Arena(bit) => self.copy(spot(self.arena, bit.0), to, input.bits),
                 InSource::Place(Place::Fixed(_, at)) => self.copy(spot(self.local, at.0), to, input.bits),

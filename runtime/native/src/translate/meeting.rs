@@ -39,7 +39,7 @@ impl Translation<'_, '_> {
         }
         for place in self.checked.cache.waiting() {
             if !all.iter().any(|met| met.place == place) {
-                self.write_held((place.0, place.1));
+                self.write_held((place.0, place.1), false);
             }
         }
         self.body.meeting[pc] = Some(all);

@@ -71,12 +71,9 @@ impl Translation<'_, '_> {
         let placed = match spot.bit {
             BitAt::Known(at) => {
                 if let Some(before) = self.waiting_bit(spot, at) {
-                    let new = if set {
-                        state::or(before, when, &mut self.b)
-                    } else {
-                        let other = state::not(when, &mut self.b);
-                        state::and(before, other, &mut self.b)
-                    };
+                    let off = state::not(when, &mut self.b);
+                    let b = &mut self.b;
+                    let new = if set { state::or(before, when, b) } else { state::and(before, off, b) };
                     self.put_known_bit(spot, at, new);
                     return;
                 }

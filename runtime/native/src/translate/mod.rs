@@ -14,7 +14,6 @@ mod inlined;
 mod meeting;
 mod memory;
 pub(crate) mod operand;
-mod reals;
 mod shifts;
 mod spill;
 pub(crate) mod state;

@@ -425,7 +425,7 @@ pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
         Accu::Split { hi, lo } => {
             let mask = b.iconst(types::I32, 0xFFFF);
             let low = b.ins().band(lo, mask);
-            if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) || is_unsigned_word(hi, b) {
+            if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) {
                 return low;
             }
             let mask = b.iconst(types::I32, 0xFFFF_0000);
@@ -473,13 +473,6 @@ pub(crate) fn word_of(v: Value, b: &Builder<'_>) -> Option<Value> {
     }
 }
 
-/// The high word is 0, as in what was loaded.
-fn is_unsigned_word(v: Value, b: &Builder<'_>) -> bool {
-    use cranelift_codegen::ir::{Opcode, ValueDef};
-    let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return false };
-    b.func.dfg.insts[inst].opcode() == Opcode::Uextend && word_of(v, b).is_some()
-}
-
 /// An accumulator as floating-point number.
 pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
@@ -501,15 +494,8 @@ fn real_of(bits: Value, b: &Builder<'_>) -> Option<Value> {
         ValueDef::Result(inst, 0) => Some(b.func.dfg.insts[inst]),
         _ => None,
     };
-    let (no_number, known, bits) = match made(bits)? {
-        // It is no NaN.
-        InstructionData::LoadNoOffset { opcode: Opcode::Bitcast, arg, .. }
-            if b.func.dfg.value_type(arg) == types::F32 =>
-        {
-            return Some(arg);
-        }
-        InstructionData::Ternary { opcode: Opcode::Select, args: [no_number, known, bits] } => (no_number, known, bits),
-        _ => return None,
+    let InstructionData::Ternary { opcode: Opcode::Select, args: [no_number, known, bits] } = made(bits)? else {
+        return None;
     };
     let InstructionData::FloatCompare { cond: FloatCC::Unordered, args: [x, y], .. } = made(no_number)? else {
         return None;

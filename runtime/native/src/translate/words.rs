@@ -45,6 +45,15 @@ impl Translation<'_, '_> {
         state::low(self.now.a[i], self.vars.a[i], &mut self.b)
     }
 
+    /// The low word of an accumulator in 16 bits.
+    pub(crate) fn low_word(&mut self, i: usize) -> Value {
+        let v = self.accu_low(i);
+        match state::constant(&self.b, v) {
+            Some(c) => self.b.iconst(types::I16, c & 0xFFFF),
+            None => state::word_of(v, &self.b).unwrap_or_else(|| self.b.ins().ireduce(types::I16, v)),
+        }
+    }
+
     fn register(&mut self, register: AddressRegister) -> Reg {
         let i = index(register);
         match self.now.ar[i] {
