@@ -57,6 +57,8 @@ pub(crate) struct Env<'a> {
     pub(crate) mcr: bool,
     /// The registers that are seen when the block has ended.
     pub(crate) end: Set,
+    /// The block is part of its caller: its operands lie at known places, and nothing in it fails.
+    pub(crate) inlined: bool,
 }
 
 impl Env<'_> {
@@ -67,9 +69,9 @@ impl Env<'_> {
     /// How `op` is executed.
     pub(crate) fn how(&self, op: &Op) -> How {
         let at = |place: &Place, bits: u32| match place::class(place, bits, self.plan) {
-            place::Class::Fixed(_) => How::Plain,
-            place::Class::Checked => How::Checked,
             place::Class::Slow => How::Step,
+            place::Class::Checked if !self.inlined => How::Checked,
+            _ => How::Plain,
         };
         let written = |place: &Place, bits: u32| if self.mcr { How::Step } else { at(place, bits) };
         let known = |there: bool| if there { How::Plain } else { How::Step };

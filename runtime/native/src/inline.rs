@@ -85,7 +85,7 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
         return false;
     }
     let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
-    let env = Env { plan, mcr, end: flow::RESULTS };
+    let env = Env { plan, mcr, end: flow::RESULTS, inlined: false };
     let marks = flow::targets(&code.stmts);
     let mut open = 0u32;
     for (pc, stmt) in code.stmts.iter().enumerate() {

@@ -255,10 +255,17 @@ impl Translation<'_, '_> {
                 self.set_cc(Cc::Sign(kept), ov);
             }
             AccuOp::Mul => {
-                let product = self.product(x, y);
-                let ov = self.cut(product).1;
-                self.set_full(product);
-                self.set_cc(Cc::Sign(product), ov);
+                let full = self.product(x, y);
+                let ov = self.cut(full).1;
+                self.now.a[0] = if self.seen(flow::CC | OVERFLOW) {
+                    Accu::Full(full)
+                } else {
+                    // Of most products the low word is used, which needs no sign before.
+                    let (x, y) = (self.low_word(1), self.low_word(0));
+                    let word = self.product(x, y);
+                    Accu::Low { full, lo: self.b.ins().uextend(types::I32, word) }
+                };
+                self.set_cc(Cc::Sign(full), ov);
             }
             AccuOp::Div | AccuOp::Mod => {
                 let (zero, divisor) = self.divisor(y);
@@ -289,15 +296,14 @@ impl Translation<'_, '_> {
         let Some((factor, v)) = known.filter(|(factor, _)| factor.count_ones() == 2) else {
             return self.b.ins().imul(x, y);
         };
-        let low = factor.trailing_zeros();
-        let high = self.word((factor & (factor - 1)).trailing_zeros());
-        let high = self.b.ins().ishl(v, high);
-        let low = if low == 0 {
-            v
-        } else {
-            let by = self.word(low);
-            self.b.ins().ishl(v, by)
-        };
+        let ty = self.b.func.dfg.value_type(v);
+        let [low, high] = [factor, factor & (factor - 1)].map(|bits| match bits.trailing_zeros() {
+            0 => v,
+            by => {
+                let by = self.b.iconst(ty, i64::from(by));
+                self.b.ins().ishl(v, by)
+            }
+        });
         self.b.ins().iadd(low, high)
     }
 
@@ -422,7 +428,7 @@ impl Translation<'_, '_> {
     fn compare(&mut self, format: NumberFormat, compare: Compare) {
         let how = condition(compare);
         let (x, y) = match format {
-            NumberFormat::Int => (self.signed(1), self.signed(0)),
+            NumberFormat::Int => (self.low_word(1), self.low_word(0)),
             NumberFormat::DInt => (self.accu(1), self.accu(0)),
             NumberFormat::Real => {
                 self.compare_real(compare);
@@ -545,12 +551,12 @@ impl Translation<'_, '_> {
             Convert::RndMinus => self.b.ins().floor(x),
             _ => self.b.ins().trunc(x),
         };
-        // Of the numbers of this format, those from -2^31 to below 2^31 have a result.
-        let least = self.b.ins().f32const(-2_147_483_648.0);
-        let beyond = self.b.ins().f32const(2_147_483_648.0);
-        let low = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, whole, least);
-        let high = self.b.ins().fcmp(FloatCC::LessThan, whole, beyond);
-        let good = self.b.ins().band(low, high);
+        // Those from -2^31 to below 2^31 have a result; beyond 2^23 all are whole. The sign goes behind the size, and
+        // decides at 2^31.
+        let (one, least) = (self.word(1), self.word((-2_147_483_648f32).to_bits().rotate_left(1) ^ 1));
+        let size = self.b.ins().rotl(before, one);
+        let size = self.b.ins().bxor(size, one);
+        let good = self.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, size, least);
         let number = self.b.ins().fcvt_to_sint_sat(types::I32, whole);
         let result = self.b.ins().select(good, number, before);
         self.set_full(result);

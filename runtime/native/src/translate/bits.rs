@@ -59,9 +59,8 @@ impl Translation<'_, '_> {
             }
             Op::Assign(place) => {
                 let spot = self.spot(place, 1, true, pc);
-                let byte = self.byte_of(spot);
                 let rlo = self.rlo();
-                self.put_bit(byte, spot, rlo);
+                self.put_bit(spot, rlo);
                 self.end_chain(rlo);
             }
             Op::Set(place) => self.set_reset(place, true, pc),
@@ -90,23 +89,19 @@ impl Translation<'_, '_> {
     fn set_reset(&mut self, place: &Place, set: bool, pc: usize) {
         let rlo = self.rlo();
         let spot = self.spot(place, 1, true, pc);
-        if rlo != Bit::Known(false) {
-            let byte = self.byte_of(spot);
-            if rlo == Bit::Known(true) {
-                self.put_bit(byte, spot, Bit::Known(set));
-            } else {
-                self.change_bit(byte, spot, set, rlo);
-            }
+        match rlo {
+            Bit::Known(false) => {}
+            Bit::Known(true) => self.put_bit(spot, Bit::Known(set)),
+            rlo => self.change_bit(spot, set, rlo),
         }
         self.end_chain(rlo);
     }
 
     fn edge(&mut self, place: &Place, positive: bool, pc: usize) {
         let spot = self.spot(place, 1, true, pc);
-        let byte = self.byte_of(spot);
-        let before = self.bit_of(byte, spot);
+        let before = self.bit(spot);
         let rlo = self.rlo();
-        self.put_bit(byte, spot, rlo);
+        self.put_bit(spot, rlo);
         let result = if positive {
             let was_off = state::not(before, &mut self.b);
             state::and(rlo, was_off, &mut self.b)
@@ -122,8 +117,7 @@ impl Translation<'_, '_> {
         let bit = match test {
             BitTest::Bit(place) => {
                 let spot = self.spot(place, 1, false, pc);
-                let byte = self.byte_of(spot);
-                self.bit_of(byte, spot)
+                self.bit(spot)
             }
             BitTest::Status(bit) => self.status(*bit),
             BitTest::Timer(n) => self.timer_output(*n),

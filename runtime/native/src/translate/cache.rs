@@ -2,21 +2,23 @@
 //! writes to one place become one. Bytes of a word are taken from it, and a word is put together from its bytes: a
 //! processor that reads from memory what it has just written in other pieces waits until all of them have arrived.
 //!
-//! Before anybody may look (the reference, a safe point, a call, a place where jumps meet) everything is written;
-//! before an access whose place is computed, whatever it can reach.
+//! Before anybody may look (the reference, a safe point, a call, a jump back) everything is written; before an access
+//! whose place is computed, whatever it can reach. A store of what nobody replaces lies here or, when many values wait,
+//! where the oldest was known.
 
 use std::cmp::Reverse;
 
-use cranelift_codegen::ir::{InstBuilder, Type, Value, types};
-use cranelift_frontend::Variable;
+use cranelift_codegen::cursor::{Cursor, FuncCursor};
+use cranelift_codegen::ir::{Block, Function, Inst, InstBuilder, Opcode, Type, Value, ValueDef, types};
 
 use super::Translation;
 use super::operand::{Reach, Spot};
+use super::state::Bit;
 
 /// Places whose value waits to be written, at most: more would only move to the stack.
 const WAITING: usize = 12;
-/// Places whose values are known where jumps meet, at most.
-const SENT: usize = 8;
+/// How far before a value a slow instruction is looked for.
+const NEAR: u32 = 8;
 /// Places whose value is known, at most.
 const KNOWN: usize = 64;
 
@@ -34,26 +36,33 @@ pub(crate) enum Part {
     At(Value),
 }
 
+/// A place of the code: behind this instruction of a block, or at its beginning.
+pub(super) type Point = (Block, Option<Inst>);
+
 #[derive(Clone, Copy, Debug)]
-struct Held {
+pub(super) struct Held {
     /// As wide as the place.
-    value: Value,
-    bytes: u32,
-    reach: Reach,
+    pub(super) value: Value,
+    pub(super) bytes: u32,
+    pub(super) reach: Reach,
     /// Memory does not have it yet.
-    waits: bool,
+    pub(super) waits: bool,
     /// When it was read or written.
-    age: u64,
+    pub(super) age: u64,
+    /// Where it was known.
+    pub(super) since: Point,
 }
 
 /// The part and the first byte of a place.
-type Key = (Part, u32);
+pub(super) type Key = (Part, u32);
 
 /// Values by their places, in order: there are few, and each statement looks at most of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cache {
-    held: Vec<(Key, Held)>,
-    turns: u64,
+    pub(super) held: Vec<(Key, Held)>,
+    /// Bits of bytes that wait to be written: they replace those of the byte's value when somebody wants all of it.
+    pub(super) bits: Vec<(Key, u8, Bit)>,
+    pub(super) turns: u64,
 }
 
 impl Cache {
@@ -67,7 +76,7 @@ impl Cache {
         self.held.get(index).is_some_and(|(found, _)| *found == key).then_some(index)
     }
 
-    fn get(&self, key: Key) -> Option<&Held> {
+    pub(super) fn get(&self, key: Key) -> Option<&Held> {
         self.find(key).map(|index| &self.held[index].1)
     }
 
@@ -79,7 +88,7 @@ impl Cache {
         self.find(key).map(|index| self.held.remove(index).1)
     }
 
-    fn insert(&mut self, key: Key, held: Held) {
+    pub(super) fn insert(&mut self, key: Key, held: Held) {
         let index = self.from(key);
         match self.held.get_mut(index) {
             Some((found, before)) if *found == key => *before = held,
@@ -88,7 +97,7 @@ impl Cache {
     }
 
     /// Forgets all but what waits to be written and the `most` newest places. Returns the places that are left.
-    fn keep(&mut self, most: usize) -> Vec<Place> {
+    pub(super) fn keep(&mut self, most: usize) -> Vec<Place> {
         let mut ages: Vec<u64> = self.held.iter().filter(|(_, held)| !held.waits).map(|(_, held)| held.age).collect();
         ages.sort_unstable_by_key(|age| Reverse(*age));
         let least = ages.get(most.wrapping_sub(1)).copied().unwrap_or(0);
@@ -103,6 +112,10 @@ impl Cache {
             return None;
         }
         waiting().min_by_key(|(_, held)| held.age).map(|(key, _)| *key)
+    }
+
+    pub(super) fn waiting(&self) -> Vec<Place> {
+        self.held.iter().filter(|(_, held)| held.waits).map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
     /// Forgets the oldest places when there are too many.
@@ -131,7 +144,7 @@ impl Cache {
 
 impl Translation<'_, '_> {
     /// The part a place lies in. An address that is used once only is none.
-    fn part(&self, spot: Spot) -> Option<Part> {
+    pub(super) fn part(&self, spot: Spot) -> Option<Part> {
         if spot.base == self.arena {
             Some(Part::Arena)
         } else if spot.base == self.local {
@@ -141,7 +154,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn base(&self, part: Part) -> Value {
+    pub(super) fn base(&self, part: Part) -> Value {
         match part {
             Part::Arena => self.arena,
             Part::Local => self.local,
@@ -158,15 +171,16 @@ impl Translation<'_, '_> {
     }
 
     /// The values of places that are known.
-    pub(crate) fn held(&self, places: &[Place]) -> Vec<Value> {
-        places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.get((*part, *at))?.value)).collect()
+    pub(crate) fn held(&mut self, places: &[Place]) -> Vec<Value> {
+        places.iter().filter_map(|(part, at, _)| self.settled((*part, *at))).collect()
     }
 
     /// From here on these are the values of known places.
     pub(crate) fn hold(&mut self, places: &[Place], values: &[Value]) {
+        let since = self.here();
         for ((part, at, _), value) in places.iter().zip(values) {
             if let Some(held) = self.checked.cache.get_mut((*part, *at)) {
-                held.value = *value;
+                (held.value, held.since) = (*value, since);
             }
         }
     }
@@ -176,52 +190,30 @@ impl Translation<'_, '_> {
         self.load_arena(self.base(part), at, bytes)
     }
 
-    /// Jumps meet before statement `pc`: the variables of its places get their values. Only places known on all paths
-    /// are known there.
-    pub(crate) fn send_places(&mut self, pc: usize) {
-        if self.fast || self.body.loops[pc] {
-            return;
-        }
-        let mut cache = self.checked.cache.clone();
-        cache.held.retain(|(key, _)| !matches!(key.0, Part::At(_)));
-        let sent = cache.keep(SENT);
-        let all = match self.body.meeting[pc].take() {
-            None => sent,
-            Some(before) => before.into_iter().filter(|place| sent.contains(place)).collect(),
-        };
-        for place in &all {
-            let Some(held) = cache.get((place.0, place.1)) else { continue };
-            let var = self.variable(*place);
-            self.b.def_var(var, held.value);
-        }
-        self.body.meeting[pc] = Some(all);
-    }
-
-    /// What is known where jumps have met.
-    pub(crate) fn take_places(&mut self, pc: usize) {
-        for place in self.body.meeting[pc].clone().unwrap_or_default() {
-            let var = self.variable(place);
-            let value = self.b.use_var(var);
-            let reach = self.fixed_reach(place.0, place.1, place.2);
-            self.know(place, value, false, reach);
-        }
-    }
-
     /// Memory is known to have this value, or is to get it.
-    fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
+    pub(super) fn know(&mut self, (part, at, bytes): Place, value: Value, waits: bool, reach: Reach) {
+        let since = self.here();
         let cache = &mut self.checked.cache;
         cache.turns += 1;
-        cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns });
+        cache.insert((part, at), Held { value, bytes, reach, waits, age: cache.turns, since });
     }
 
-    /// The variable of a place, for where jumps meet.
-    pub(crate) fn variable(&mut self, place: Place) -> Variable {
-        if let Some(var) = self.places.get(&place) {
-            return *var;
+    /// The end of the code so far.
+    pub(super) fn here(&mut self) -> Point {
+        self.b.ensure_inserted_block();
+        let block = self.b.current_block().expect("code is being made");
+        (block, self.b.func.layout.last_inst(block))
+    }
+
+    pub(super) fn at(&mut self, (block, behind): Point) -> FuncCursor<'_> {
+        let mut cursor = FuncCursor::new(self.b.func);
+        match behind {
+            Some(inst) => {
+                cursor.use_srcloc(inst);
+                cursor.after_inst(inst)
+            }
+            None => cursor.at_first_insertion_point(block),
         }
-        let var = self.b.declare_var(integer(place.2));
-        self.places.insert(place, var);
-        var
     }
 
     /// What an access to a place of a part can reach.
@@ -248,8 +240,10 @@ impl Translation<'_, '_> {
             self.write_reached(None, reach);
             return self.load_arena(spot.base, spot.offset, bytes);
         };
-        if let Some(held) = self.checked.cache.get((part, spot.offset)).filter(|held| held.bytes == bytes) {
-            return held.value;
+        if self.checked.cache.get((part, spot.offset)).is_some_and(|held| held.bytes == bytes)
+            && let Some(value) = self.settled((part, spot.offset))
+        {
+            return value;
         }
         if let Some(value) = self.within(part, spot.offset, bytes) {
             return value;
@@ -259,7 +253,7 @@ impl Translation<'_, '_> {
             return value;
         }
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
-            self.write_held(other);
+            self.write_held(other, false);
             self.checked.cache.remove(other);
         }
         self.write_reached(Some(part), reach);
@@ -305,9 +299,10 @@ impl Translation<'_, '_> {
         let ty = integer(bytes);
         let (mut whole, mut waits) = (None, false);
         for key in pieces {
+            let value = self.settled(key)?;
             let held = self.checked.cache.remove(key)?;
             waits |= held.waits;
-            let wide = self.b.ins().uextend(ty, held.value);
+            let wide = self.b.ins().uextend(ty, value);
             let by = self.b.iconst(ty, i64::from((end - key.1 - held.bytes) * 8));
             let moved = if end == key.1 + held.bytes { wide } else { self.b.ins().ishl(wide, by) };
             whole = Some(whole.map_or(moved, |before| self.b.ins().bor(before, moved)));
@@ -321,11 +316,12 @@ impl Translation<'_, '_> {
         let part = self.part(spot);
         let reach = self.reach_of(part, spot, bytes);
         for other in self.checked.cache.reached(part, reach) {
-            self.write_held(other);
+            self.write_held(other, false);
             self.checked.cache.remove(other);
         }
         let Some(part) = part else {
-            self.store_arena(spot.base, spot.offset, value);
+            let here = self.here();
+            self.store_arena(spot.base, spot.offset, value, here);
             return;
         };
         for other in self.checked.cache.overlapping(part, spot.offset, bytes) {
@@ -333,13 +329,15 @@ impl Translation<'_, '_> {
         }
         self.know((part, spot.offset, bytes), value, true, reach);
         while let Some(oldest) = self.checked.cache.waits_for_room() {
-            self.write_held(oldest);
+            // Nothing since it was known looks at it, and the value need not be kept until here.
+            self.write_held(oldest, true);
         }
         self.checked.cache.limit();
     }
 
     /// Of a value that is held only the bytes outside of a range are left, each part of them as a value of its own.
     fn cut_off(&mut self, key: Key, from: u32, to: u32) {
+        self.checked.cache.set_bits(key, &[]);
         let Some(held) = self.checked.cache.remove(key) else { return };
         let end = key.1 + held.bytes;
         for (mut at, to) in [(key.1, from.min(end)), (to.max(key.1), end)] {
@@ -359,24 +357,39 @@ impl Translation<'_, '_> {
     /// Writes what waits in other parts and may lie where an access reaches.
     fn write_reached(&mut self, part: Option<Part>, reach: Reach) {
         for key in self.checked.cache.reached(part, reach) {
-            self.write_held(key);
+            self.write_held(key, false);
         }
     }
 
     /// Writes what waits to be written.
     pub(crate) fn write_back(&mut self) {
-        let waiting: Vec<_> =
-            self.checked.cache.held.iter().filter(|(_, held)| held.waits).map(|(key, _)| *key).collect();
-        for key in waiting {
-            self.write_held(key);
+        for (part, at, _) in self.checked.cache.waiting() {
+            self.write_held((part, at), false);
         }
     }
 
-    fn write_held(&mut self, key: Key) {
-        let Some(held) = self.checked.cache.get_mut(key).filter(|held| held.waits) else { return };
+    /// Before a branch: writes what waits and takes long to calculate. A store keeps its calculation before the branch,
+    /// where it goes on while the processor finds out that it has guessed the wrong way.
+    pub(crate) fn write_slow(&mut self) {
+        let (block, _) = self.here();
+        for (part, at, _) in self.checked.cache.waiting() {
+            let held = self.checked.cache.get((part, at));
+            if held.is_some_and(|held| is_slow(self.b.func, held.value, block, NEAR)) {
+                self.write_held((part, at), false);
+            }
+        }
+    }
+
+    /// Writes a value if it waits: here, or `early` where it was known.
+    pub(super) fn write_held(&mut self, key: Key, early: bool) {
+        if self.checked.cache.get(key).is_none_or(|held| !held.waits) {
+            return;
+        }
+        let Some(value) = self.settled(key) else { return };
+        let Some(held) = self.checked.cache.get_mut(key) else { return };
         held.waits = false;
-        let value = held.value;
-        self.store_arena(self.base(key.0), key.1, value);
+        let at = if early { held.since } else { self.here() };
+        self.store_arena(self.base(key.0), key.1, value, at);
     }
 
     fn load_arena(&mut self, base: Value, offset: u32, bytes: u32) -> Value {
@@ -385,16 +398,25 @@ impl Translation<'_, '_> {
         if bytes == 1 { value } else { self.b.ins().bswap(value) }
     }
 
-    fn store_arena(&mut self, base: Value, offset: u32, value: Value) {
+    fn store_arena(&mut self, base: Value, offset: u32, value: Value, at: Point) {
         let flags = self.arena_flags();
         let wide = self.b.func.dfg.value_type(value) != types::I8;
-        let value = if wide { self.b.ins().bswap(value) } else { value };
-        self.b.ins().store(flags, value, base, offset as i32);
+        let mut at = self.at(at);
+        let value = if wide { at.ins().bswap(value) } else { value };
+        at.ins().store(flags, value, base, offset as i32);
     }
 }
 
+/// The block calculates a product, a quotient or a root for this value, at most so many steps before it.
+fn is_slow(func: &Function, value: Value, block: Block, steps: u32) -> bool {
+    let ValueDef::Result(inst, _) = func.dfg.value_def(value) else { return false };
+    let slow = matches!(func.dfg.insts[inst].opcode(), Opcode::Imul | Opcode::Sdiv | Opcode::Fdiv | Opcode::Sqrt);
+    let further = |arg: &Value| is_slow(func, *arg, block, steps - 1);
+    func.layout.inst_block(inst) == Some(block) && (slow || steps > 0 && func.dfg.inst_args(inst).iter().any(further))
+}
+
 /// The type of an integer of 1, 2 or 4 bytes.
-const fn integer(bytes: u32) -> Type {
+pub(super) const fn integer(bytes: u32) -> Type {
     match bytes {
         1 => types::I8,
         2 => types::I16,

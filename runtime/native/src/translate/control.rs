@@ -57,6 +57,11 @@ impl Translation<'_, '_> {
             }
             Bit::Known(_) => true,
             taken => {
+                if self.fast || to <= pc {
+                    self.write_back();
+                } else {
+                    self.write_slow();
+                }
                 self.branch(taken, when, |t| t.go(to, pc));
                 true
             }
@@ -64,10 +69,7 @@ impl Translation<'_, '_> {
     }
 
     /// Branches to `other` if `condition` is 1 (`when`) or is not 1; `other` does not come back here.
-    ///
-    /// What waits to be written is written before: both paths need it, and each would calculate it again.
     fn branch(&mut self, condition: Bit, when: bool, other: impl FnOnce(&mut Self)) {
-        self.write_back();
         let condition = condition.condition(self.vars.rlo, &mut self.b);
         let taken = self.b.create_block();
         let next = self.b.create_block();
@@ -76,9 +78,7 @@ impl Translation<'_, '_> {
         self.b.seal_block(taken);
         self.b.seal_block(next);
         self.b.switch_to_block(taken);
-        let (before, checked) = (self.now.clone(), self.checked.clone());
-        other(self);
-        (self.now, self.checked) = (before, checked);
+        self.beside(other);
         self.b.switch_to_block(next);
     }
 
@@ -102,6 +102,8 @@ impl Translation<'_, '_> {
         let word = self.b.ins().ireduce(types::I16, left);
         let zero = self.b.iconst(types::I16, 0);
         let more = self.b.ins().icmp(IntCC::NotEqual, word, zero);
+        // Both paths need what waits, and each would calculate it again.
+        self.write_back();
         self.branch(Bit::Val(more), true, |t| t.go(to, pc));
     }
 
@@ -119,9 +121,7 @@ impl Translation<'_, '_> {
         for (way, to) in ways.into_iter().zip(targets.iter().chain([&otherwise])) {
             self.b.seal_block(way);
             self.b.switch_to_block(way);
-            let (before, checked) = (self.now.clone(), self.checked.clone());
-            self.go(*to as usize, pc);
-            (self.now, self.checked) = (before, checked);
+            self.beside(|t| t.go(*to as usize, pc));
         }
     }
 
@@ -130,7 +130,7 @@ impl Translation<'_, '_> {
     /// What waits to be written is written only if the safe point looks; after that everything is read again. The
     /// stacks of a CPU that goes to STOP here have the registers of `told`.
     pub(crate) fn safe_point(&mut self, statement: usize, told: flow::Set) {
-        let uncounted = self.body.uncounted(statement);
+        let uncounted = self.now.uncounted;
         self.count(uncounted);
         let executed = self.executed();
         let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));
@@ -154,12 +154,12 @@ impl Translation<'_, '_> {
         self.b.ins().brif(due, looks, &[], next, &arguments);
         self.b.seal_block(looks);
         self.b.switch_to_block(looks);
-        let (cache, now) = (self.checked.cache.clone(), self.now.clone());
-        self.write_back();
-        self.tell_count();
-        self.spill(told);
-        self.spill_data();
-        self.now = now;
+        self.beside(|t| {
+            t.write_back();
+            t.tell_count();
+            t.spill(told);
+            t.spill_data();
+        });
         let (block, at) = (self.word(self.block), self.word(statement as u32));
         let answer = self.call_helper(offset_of!(Run, safe_point), block, at);
         self.abort_if(answer);
@@ -170,7 +170,6 @@ impl Translation<'_, '_> {
         self.b.ins().jump(next, &again);
         self.b.seal_block(next);
         self.b.switch_to_block(next);
-        self.checked.cache = cache;
         self.hold(&kept, &params);
     }
 
@@ -192,6 +191,7 @@ impl Translation<'_, '_> {
     /// `BEB`: ends the block if the RLO is 1.
     pub(crate) fn end_if(&mut self) {
         let rlo = self.rlo();
+        self.write_back();
         self.branch(rlo, true, |t| {
             // The statement counts as the end.
             t.now.uncounted = t.now.uncounted.wrapping_sub(1);

@@ -80,8 +80,7 @@ impl Translation<'_, '_> {
         // After the call AR2 is the caller's again.
         let given_back = if instance.is_some() { flow::AR2 } else { 0 };
         let end = self.body.live[pc + 1] & flow::RESULTS & !given_back;
-        let uncounted = self.now.uncounted;
-        let inlined = Inlined { local: base, refs, instance: instance.map(|db| db.at.0), uncounted };
+        let inlined = Inlined { local: base, refs, instance: instance.map(|db| db.at.0) };
         let mut body = Body::new(plan, callee, entry, call.instance_bytes, end, Some(inlined));
         body.ends_within();
         let outer = std::mem::replace(&mut self.body, body);
@@ -119,23 +118,26 @@ impl Translation<'_, '_> {
     /// The actual parameters into the instance.
     pub(crate) fn copy_in(&mut self, call: &Call, db: Db) {
         for input in &call.ins {
-            let value = match &input.from {
-                InSource::Const(value) => self.word(*value),
-                InSource::Arena(bit) => self.read_at(self.arena, bit.0, input.bits),
-                InSource::Place(Place::Fixed(_, at)) => self.read_at(self.local, at.0, input.bits),
-                _ => continue,
-            };
-            self.write_at(self.arena, db.at.0 * 8 + input.at, input.bits, value);
+            let to = spot(self.arena, db.at.0 * 8 + input.at);
+            match &input.from {
+                InSource::Const(value) => {
+                    let value = self.word(*value);
+                    self.put_value(to, input.bits, value);
+                }
+                InSource::Arena(bit) => self.copy(spot(self.arena, bit.0), to, input.bits),
+                InSource::Place(Place::Fixed(_, at)) => self.copy(spot(self.local, at.0), to, input.bits),
+                _ => {}
+            }
         }
     }
 
     /// The results out of the instance.
     pub(crate) fn copy_out(&mut self, call: &Call, db: Db) {
         for out in &call.outs {
-            let value = self.read_at(self.arena, db.at.0 * 8 + out.at, out.bits);
+            let from = spot(self.arena, db.at.0 * 8 + out.at);
             match &out.to {
-                OutTarget::Arena(bit) => self.write_at(self.arena, bit.0, out.bits, value),
-                OutTarget::Place(Place::Fixed(_, at)) => self.write_at(self.local, at.0, out.bits, value),
+                OutTarget::Arena(bit) => self.copy(from, spot(self.arena, bit.0), out.bits),
+                OutTarget::Place(Place::Fixed(_, at)) => self.copy(from, spot(self.local, at.0), out.bits),
                 OutTarget::Place(_) => {}
             }
         }
@@ -157,12 +159,14 @@ impl Translation<'_, '_> {
         }
     }
 
-    fn read_at(&mut self, base: Value, bit: u32, bits: u32) -> Value {
-        self.value(spot(base, bit), bits)
-    }
-
-    fn write_at(&mut self, base: Value, bit: u32, bits: u32, value: Value) {
-        self.put_value(spot(base, bit), bits, value);
+    fn copy(&mut self, from: Spot, to: Spot, bits: u32) {
+        if bits == 1 {
+            let bit = self.bit(from);
+            self.put_bit(to, bit);
+        } else {
+            let value = self.read(from, bits);
+            self.write(to, bits, value);
+        }
     }
 }
 

@@ -23,11 +23,6 @@ impl Translation<'_, '_> {
         self.put_content(spot, value);
     }
 
-    /// The byte of a bit.
-    pub(crate) fn byte_of(&mut self, spot: Spot) -> Value {
-        self.content(spot, 8)
-    }
-
     fn shift_of(&mut self, spot: Spot) -> Value {
         match spot.bit {
             BitAt::Known(bit) => self.b.iconst(types::I8, i64::from(bit)),
@@ -36,35 +31,26 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// A bit of a byte that was read.
-    pub(crate) fn bit_of(&mut self, byte: Value, spot: Spot) -> Bit {
-        if let BitAt::Known(bit) = spot.bit {
-            return Bit::At(byte, bit);
+    /// A bit of memory.
+    pub(crate) fn bit(&mut self, spot: Spot) -> Bit {
+        if let BitAt::Known(at) = spot.bit {
+            return self.waiting_bit(spot, at).unwrap_or_else(|| Bit::At(self.byte_of(spot), at));
         }
-        let shift = self.shift_of(spot);
+        let (byte, shift) = (self.content(spot, 8), self.shift_of(spot));
         let shifted = self.b.ins().ushr(byte, shift);
         let one = self.b.iconst(types::I8, 1);
         Bit::Val(self.b.ins().band(shifted, one))
     }
 
-    /// Writes a bit into a byte that was read.
-    pub(crate) fn put_bit(&mut self, byte: Value, spot: Spot, value: Bit) {
-        if let BitAt::Known(at) = spot.bit {
-            let one = self.b.iconst(types::I8, 1 << at);
-            let rest = self.b.iconst(types::I8, !(1i64 << at) & 0xFF);
-            let new = match value {
-                Bit::Known(true) => self.b.ins().bor(byte, one),
-                Bit::Known(false) => self.b.ins().band(byte, rest),
-                value => {
-                    let cleared = self.b.ins().band(byte, rest);
-                    let placed = value.alone_at(at, self.vars.rlo, &mut self.b);
-                    self.b.ins().bor(cleared, placed)
-                }
-            };
-            self.put_content(spot, new);
+    /// Writes a bit.
+    pub(crate) fn put_bit(&mut self, spot: Spot, value: Bit) {
+        if let BitAt::Known(at) = spot.bit
+            && self.part(spot).is_some()
+        {
+            self.put_known_bit(spot, at, value);
             return;
         }
-        let shift = self.shift_of(spot);
+        let (byte, shift) = (self.content(spot, 8), self.shift_of(spot));
         let one = self.b.iconst(types::I8, 1);
         let mask = self.b.ins().ishl(one, shift);
         let new = match value {
@@ -80,16 +66,26 @@ impl Translation<'_, '_> {
         self.put_content(spot, new);
     }
 
-    /// Sets or clears a bit of a byte that was read, when `when` is 1.
-    pub(crate) fn change_bit(&mut self, byte: Value, spot: Spot, set: bool, when: Bit) {
-        let placed = if let BitAt::Known(at) = spot.bit {
-            when.alone_at(at, self.vars.rlo, &mut self.b)
-        } else {
-            let v = when.value(self.vars.rlo, &mut self.b);
-            let shift = self.shift_of(spot);
-            self.b.ins().ishl(v, shift)
+    /// Sets or clears a bit when `when` is 1.
+    pub(crate) fn change_bit(&mut self, spot: Spot, set: bool, when: Bit) {
+        let placed = match spot.bit {
+            BitAt::Known(at) => {
+                if let Some(before) = self.waiting_bit(spot, at) {
+                    let off = state::not(when, &mut self.b);
+                    let b = &mut self.b;
+                    let new = if set { state::or(before, when, b) } else { state::and(before, off, b) };
+                    self.put_known_bit(spot, at, new);
+                    return;
+                }
+                when.alone_at(at, self.vars.rlo, &mut self.b)
+            }
+            BitAt::Computed(shift) => {
+                let v = when.value(self.vars.rlo, &mut self.b);
+                self.b.ins().ishl(v, shift)
+            }
         };
+        let byte = self.byte_of(spot);
         let new = if set { self.b.ins().bor(byte, placed) } else { self.b.ins().band_not(byte, placed) };
-        self.put_content(spot, new);
+        self.put_byte(spot, new);
     }
 }

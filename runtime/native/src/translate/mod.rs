@@ -11,12 +11,14 @@ pub(crate) mod cache;
 mod control;
 mod direct;
 mod inlined;
+mod meeting;
 mod memory;
 pub(crate) mod operand;
 mod shifts;
 mod spill;
 pub(crate) mod state;
 mod timers;
+mod waiting;
 mod words;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,7 +134,9 @@ pub(crate) struct Body<'a> {
     /// Statements a jump leads back to: not every path to them is known when they are translated.
     pub(crate) loops: Vec<bool>,
     /// Places whose values are known on all paths that lead to a statement so far.
-    pub(crate) meeting: Vec<Option<Vec<cache::Place>>>,
+    pub(crate) meeting: Vec<Option<Vec<meeting::Met>>>,
+    /// What the count lacks where jumps have met so far.
+    pub(crate) uncounted: Vec<Option<u32>>,
     /// Registers that memory may lack where jumps meet.
     pub(crate) unsaved: Vec<Set>,
     /// Statements where compiled code can be entered from the reference.
@@ -151,8 +155,6 @@ pub(crate) struct Inlined {
     pub(crate) refs: Vec<Reference>,
     /// Its instance in the arena: first byte.
     pub(crate) instance: Option<u32>,
-    /// What the count of the function has not counted at its first statement.
-    pub(crate) uncounted: u32,
 }
 
 impl<'a> Body<'a> {
@@ -166,7 +168,7 @@ impl<'a> Body<'a> {
     ) -> Self {
         let code = &plan.blocks[block as usize];
         let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
-        let env = Env { plan, mcr, end };
+        let env = Env { plan, mcr, end, inlined: inlined.is_some() };
         let marks = flow::targets(&code.stmts);
         let loops = flow::loops(&code.stmts);
         let is_inlined = |pc: usize| match code.ops[pc] {
@@ -182,7 +184,8 @@ impl<'a> Body<'a> {
             facts: flow::facts(&code.stmts, entry, &marks, &env),
             starts: vec![None; code.stmts.len() + 1],
             loops,
-            meeting: vec![None; code.stmts.len() + 1],
+            uncounted: vec![None; code.stmts.len() + 1],
+            meeting: (0..=code.stmts.len()).map(|_| None).collect(),
             stmts: &code.stmts,
             ops: &code.ops,
             env,
@@ -192,10 +195,10 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// How many statements the variable lacks at statement `pc`, where jumps meet: the number grows with the
-    /// statements, so that most paths there have nothing to add.
-    pub(crate) fn uncounted(&self, pc: usize) -> u32 {
-        self.inlined.as_ref().map_or(0, |inlined| inlined.uncounted) + pc as u32
+    /// How many statements the variable lacks at statement `pc`, where jumps meet: as many as on the first path, which
+    /// has nothing to add.
+    pub(crate) fn uncounted(&mut self, pc: usize, first: u32) -> u32 {
+        *self.uncounted[pc].get_or_insert(first)
     }
 
     /// The ends inside an inlined block meet at its end.
@@ -411,7 +414,7 @@ impl Translation<'_, '_> {
     }
 
     /// What is known where jumps meet.
-    fn at_start(&self, pc: usize) -> State {
+    fn at_start(&mut self, pc: usize) -> State {
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         let bit = |known: Option<bool>| known.map_or(Bit::Var, Bit::Known);
         let data = |known: Option<u16>| known.map_or(Data::Var, |n| self.known_data(n));
@@ -421,7 +424,7 @@ impl Translation<'_, '_> {
             db: data(facts.db),
             di: data(facts.di),
             stored: flow::ALL & !self.body.unsaved[pc],
-            uncounted: self.body.uncounted(pc),
+            uncounted: self.body.uncounted(pc, pc as u32),
             ..State::variables()
         }
     }

@@ -5,6 +5,7 @@ use std::mem::offset_of;
 use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
 use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Regs};
 
+use super::meeting::Met;
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
 use super::{Checked, Landing, Translation};
 use crate::flow::{self, Facts, Set};
@@ -259,7 +260,6 @@ impl Translation<'_, '_> {
 
     /// Puts the registers that statement `pc` needs into their variables: jumps meet there.
     pub(crate) fn flush(&mut self, pc: usize) {
-        self.write_back();
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         let live = self.body.live[pc];
         debug_assert_eq!(
@@ -313,7 +313,7 @@ impl Translation<'_, '_> {
             self.now.saved = [saved[0] || unknown[0], saved[1] || unknown[1]];
         }
         self.send_places(pc);
-        let uncounted = self.body.uncounted(pc);
+        let uncounted = self.body.uncounted(pc, self.now.uncounted);
         self.count(uncounted);
     }
 
@@ -369,9 +369,7 @@ impl Translation<'_, '_> {
         self.b.seal_block(exit);
         self.b.seal_block(next);
         self.b.switch_to_block(exit);
-        let (before, checked) = (self.now.clone(), self.checked.clone());
-        self.leave_here(pc);
-        (self.now, self.checked) = (before, checked);
+        self.beside(|t| t.leave_here(pc));
         self.b.switch_to_block(next);
     }
 
@@ -387,6 +385,13 @@ impl Translation<'_, '_> {
         let answer = self.call_helper(offset_of!(Run, whole), block, first);
         self.b.ins().return_(&[answer]);
         self.b.switch_to_block(next);
+    }
+
+    /// Code that does not come back here: what is known stays as it is.
+    pub(crate) fn beside(&mut self, make: impl FnOnce(&mut Self)) {
+        let (before, checked) = (self.now.clone(), self.checked.clone());
+        make(self);
+        (self.now, self.checked) = (before, checked);
     }
 
     fn leave_here(&mut self, pc: usize) {
@@ -549,12 +554,13 @@ impl Translation<'_, '_> {
             self.outer_nest();
         }
         if let Some(pc) = to.met {
-            for place in self.body.meeting[pc].clone().unwrap_or_default() {
+            for Met { place, .. } in self.body.meeting[pc].clone().unwrap_or_default() {
                 let value = self.load_place(place);
                 let var = self.variable(place);
                 self.b.def_var(var, value);
             }
-            self.count(pc as u32);
+            let uncounted = self.body.uncounted(pc, pc as u32);
+            self.count(uncounted);
         }
         self.b.ins().jump(to.block, &[]);
     }

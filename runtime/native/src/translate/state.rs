@@ -37,6 +37,11 @@ pub(crate) enum Accu {
         hi: Value,
         lo: Value,
     },
+    /// A value, and another with the same low word that is ready sooner.
+    Low {
+        full: Value,
+        lo: Value,
+    },
     /// A floating-point result. A NaN is replaced by the CPU's one when its bits are needed.
     Real(Value),
 }
@@ -416,7 +421,7 @@ pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut Builder<'
 pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Var => b.use_var(var),
-        Accu::Full(v) => v,
+        Accu::Full(v) | Accu::Low { full: v, .. } => v,
         Accu::Split { hi, lo } => {
             let mask = b.iconst(types::I32, 0xFFFF);
             let low = b.ins().band(lo, mask);
@@ -439,7 +444,7 @@ pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
 /// An accumulator whose low word is right.
 pub(crate) fn low(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
-        Accu::Split { lo, .. } => lo,
+        Accu::Split { lo, .. } | Accu::Low { lo, .. } => lo,
         other => full(other, var, b),
     }
 }

@@ -45,6 +45,15 @@ impl Translation<'_, '_> {
         state::low(self.now.a[i], self.vars.a[i], &mut self.b)
     }
 
+    /// The low word of an accumulator in 16 bits.
+    pub(crate) fn low_word(&mut self, i: usize) -> Value {
+        let v = self.accu_low(i);
+        match state::constant(&self.b, v) {
+            Some(c) => self.b.iconst(types::I16, c & 0xFFFF),
+            None => state::word_of(v, &self.b).unwrap_or_else(|| self.b.ins().ireduce(types::I16, v)),
+        }
+    }
+
     fn register(&mut self, register: AddressRegister) -> Reg {
         let i = index(register);
         match self.now.ar[i] {
@@ -136,8 +145,7 @@ impl Translation<'_, '_> {
         if bits > 1 {
             return self.read(spot, bits);
         }
-        let byte = self.byte_of(spot);
-        let bit = self.bit_of(byte, spot).value(self.vars.rlo, &mut self.b);
+        let bit = self.bit(spot).value(self.vars.rlo, &mut self.b);
         self.b.ins().uextend(types::I32, bit)
     }
 
@@ -146,11 +154,10 @@ impl Translation<'_, '_> {
             self.write(spot, bits, value);
             return;
         }
-        let byte = self.byte_of(spot);
         let low = self.b.ins().ireduce(types::I8, value);
         let one = self.b.iconst(types::I8, 1);
         let bit = self.b.ins().band(low, one);
-        self.put_bit(byte, spot, Bit::Val(bit));
+        self.put_bit(spot, Bit::Val(bit));
     }
 
     fn add_address(&mut self, i: usize, offset: Value) {
