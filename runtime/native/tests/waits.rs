@@ -39,6 +39,10 @@ fn program(statements: &str, more: &str) -> String {
 fn same(text: &str) {
     let mut reference = cpu(text, REFERENCE);
     let mut others = [cpu(text, &AtLoad(Tier::Fast)), cpu(text, &AtLoad(Tier::Optimised))];
+    for tier in [Tier::Fast, Tier::Optimised] {
+        let (made, all) = Compiler::new(Target::Host, tier).expect("this processor").image(reference.plan()).blocks();
+        assert_eq!(made, all, "every block has code\n{text}");
+    }
     reference.request(Command::Run);
     others.iter_mut().for_each(|cpu| cpu.request(Command::Run));
     for scan in 0..SCANS {
@@ -106,7 +110,7 @@ fn piece(random: &mut Rng) -> String {
 fn random_paths_meet() {
     for seed in 0..PROGRAMS {
         let mut random = Rng::with_seed(seed);
-        let pieces = random.usize(4..24);
+        let pieces = random.usize(4..40);
         let mut jump =
             |at: usize| (random.u8(0..3) == 0).then(|| (random.usize(at + 1..=pieces), random.u8(0..3), random.bool()));
         let jumps: Vec<_> = (0..pieces).map(&mut jump).collect();
