@@ -1,4 +1,4 @@
-//! When the next request of a partner is waited for awake.
+//! When the process waits awake for the next request of a partner.
 //!
 //! Falling asleep and waking up take longer than serving a read. A partner on the same machine asks again within
 //! microseconds; one over a network, or one that pauses, is waited for asleep.
@@ -9,7 +9,7 @@ use std::time::Duration;
 pub(crate) const SOON: Duration = Duration::from_micros(50);
 /// Requests of one partner in a row, until the others are looked after.
 const TURNS: u32 = 16;
-/// At most so many requests in a row must have come soon before the next one is waited for awake.
+/// However often nobody came: so many requests in a row that come soon are enough to wait awake again.
 const WARY: u32 = 1024;
 
 /// What the last requests were like.
@@ -46,10 +46,10 @@ impl BusyWait {
         self.needed = (self.needed * 2).min(WARY);
     }
 
-    /// Something has come after so much time asleep.
-    pub(crate) const fn slept(&mut self, time: Duration) {
+    /// The process has slept for so long.
+    pub(crate) fn slept(&mut self, time: Duration) {
         self.turns = 0;
-        self.soon = if time.as_nanos() < SOON.as_nanos() { self.soon.saturating_add(1) } else { 0 };
+        self.soon = if time < SOON { self.soon.saturating_add(1) } else { 0 };
     }
 }
 

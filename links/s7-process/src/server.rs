@@ -67,7 +67,8 @@ pub(crate) struct Server {
     coupler: Option<Coupler>,
     tap: Shared,
     busy_wait: BusyWait,
-    /// The session that was served last, if it was the only one.
+    /// Where the session lies that was served last, if it was the only one. If another has its place by now, that one
+    /// is read, which is as good.
     alone: Option<usize>,
 }
 

@@ -1,7 +1,7 @@
 //! Missing blocks: the messages for a call of one, and for a block that is declared but served by no plugin.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use ob1_cpu::LoadError;
 use ob1_host::plugin::Plugin;
@@ -37,13 +37,19 @@ pub fn explain_missing(library: &mut Library) {
 }
 
 fn missing(id: BlockId) -> Option<Missing> {
-    let blocks = standard_blocks();
+    let blocks = table();
     let (offered, others): (Vec<_>, Vec<_>) =
         blocks.iter().filter(|block| block.id == id).partition(|block| block.origin == Origin::System);
     if !others.is_empty() {
         return Some(to_be_chosen(id, &others));
     }
     known_system_function(id).filter(|_| offered.is_empty()).map(|name| lacking(id, name))
+}
+
+/// The standard blocks, made once: a program may lack thousands of blocks.
+fn table() -> &'static [StandardBlock] {
+    static BLOCKS: LazyLock<Vec<StandardBlock>> = LazyLock::new(standard_blocks);
+    &BLOCKS
 }
 
 fn lacking(id: BlockId, name: &str) -> Missing {
@@ -78,8 +84,7 @@ fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
 /// A system block of an S7-400, called in an S7-300.
 fn of_s7_400(block: &StandardBlock) -> Missing {
     let (id, name) = (block.id, block.name);
-    let other =
-        standard_blocks().into_iter().find(|other| other.origin == Origin::Cp300 && other.id.number == id.number);
+    let other = table().iter().find(|other| other.origin == Origin::Cp300 && other.id.number == id.number);
     let other =
         other.map(|other| format!(", or call {} {} ({})", other.id, other.name, other.key())).unwrap_or_default();
     Missing {

@@ -30,7 +30,7 @@ pub struct Loaded {
     /// The program of all sources.
     pub program: Arc<Program>,
     /// The plugins and the renumbering of their blocks.
-    pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
+    pub plugins: Plugins,
     /// Standard blocks of libraries.
     pub standard: Vec<Choice>,
     /// Warnings and lints: errors give no program.
