@@ -1,6 +1,6 @@
 /* Blocks for ob1 in C: what plugin and host agree on. docs/plugins.md tells how to use it.
  *
- * Generated from plugins/abi; see plugins/sdk/tests/header.rs. */
+ * Generated from plugins/sdk/src/abi; see plugins/sdk/tests/header.rs. */
 
 
 #ifndef OB1_H

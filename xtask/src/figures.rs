@@ -41,11 +41,7 @@ pub(crate) fn build_sim(profile: Profile) -> Outcome {
 /// # Errors
 /// If it cannot be built, or a source or block differs that is not on the list of exceptions.
 pub(crate) fn oscat(args: &[String]) -> Outcome {
-    let mut command = cargo(&["run", "--release", "-p", "ob1-oscat"]);
-    if args.iter().any(|arg| arg == "--speed") {
-        command.args(["--features", "speed"]);
-    }
-    shell::run_program(command.arg("--").args(args))
+    release_run("oscat", &["ob1-tests"], args, None)
 }
 
 /// Runs a program that needs only the plugins of `packages`: their release build, or that of the tests.

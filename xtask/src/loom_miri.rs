@@ -15,7 +15,7 @@ const CRATE: &str = "ob1-backplane";
 
 /// The crates with unsafe code that Miri can run. It cannot run system calls, shared memory, loaded libraries and
 /// machine code of our own: `ob1-rt`, `ob1-line`, `ob1-host` and `ob1-native`.
-const MIRI_CRATES: &[&str] = &[CRATE, "ob1-abi", "ob1-sdk", "ob1-arena"];
+const MIRI_CRATES: &[&str] = &[CRATE, "ob1-sdk", "ob1-arena"];
 
 /// Runs the loom model tests; returns the line for the summary.
 pub(crate) fn loom() -> Outcome<String> {

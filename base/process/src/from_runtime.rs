@@ -5,7 +5,7 @@ use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;
 use std::process::Command;
 
-use ob1_log::Severity;
+use crate::log::Severity;
 use rustix::net::{AddressFamily, SocketType, socket};
 use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit};
 use rustix::thread::{CapabilitySet, capabilities, no_new_privs};
@@ -100,7 +100,7 @@ pub fn self_test() -> bool {
     for (what, done) in tries {
         // Through the log too, because standard output is for the reader of the result.
         let text = format!("{} {what}\n", if done { "DONE   " } else { "refused" });
-        ob1_log::write(Severity::Info, text.as_bytes());
+        crate::log::write(Severity::Info, text.as_bytes());
     }
     tries.iter().all(|(_, done)| !done)
 }

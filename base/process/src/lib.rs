@@ -1,14 +1,18 @@
-//! What every process of a station does at its start and at its edges: it confines itself, starts its log, takes its
-//! signals and the descriptors that the runtime hands over, reads its doorbell, and lets others listen to its lines.
+//! What every process of a station does at its start and at its edges: it confines itself, starts its log ([`log`]),
+//! takes its signals and the descriptors that the runtime hands over, reads its doorbell, lets others
+//! listen to its lines ([`tap`]), and reads and replaces files ([`files`]).
+//!
+//! A fence: crates that touch neither disk nor sockets by themselves do it here.
 
-// Fenced by the house rules: closing the descriptors that nobody has asked for, and the change of user, have no safe
-// wrapper.
-#![allow(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+#[allow(unsafe_code, reason = "closing the descriptors that nobody has asked for has no safe wrapper")]
 mod confine;
+pub mod files;
 pub mod from_runtime;
+pub mod log;
 pub mod tap;
+#[allow(unsafe_code, reason = "the change of user has no safe wrapper")]
 mod user;
 
 use std::os::fd::OwnedFd;
@@ -28,10 +32,10 @@ pub use user::User;
 /// Starts the log, after the fence because it has a thread.
 pub fn start_log() {
     // Without the thread the log is written at once: a driver whose log can delay it is better than none.
-    let _ = ob1_log::start();
-    ob1_log::tell_panics();
+    let _ = crate::log::start();
+    crate::log::tell_panics();
     // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
+    let _ = crate::log::subscribe("info", crate::log::Lines::Sparing);
 }
 
 /// Ctrl-C on a terminal reaches the whole group; the runtime handles it, and ends us by closing what it has

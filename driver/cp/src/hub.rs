@@ -113,7 +113,7 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
     segment.set_state(DriverState::Starting);
     loop {
         segment.beat();
-        let lost = ob1_log::lost();
+        let lost = ob1_process::log::lost();
         segment.count(Counter::LogLost, lost - std::mem::replace(&mut log_lost, lost));
         if hub.is_none()
             && let Some(held) = own(&config.path)?

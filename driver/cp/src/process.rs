@@ -92,7 +92,7 @@ impl Process {
             changed |= self.pump.has_changes();
             self.pump.poll(now, &mut self.port);
             let more = self.line_events(now);
-            let lost = ob1_log::lost();
+            let lost = ob1_process::log::lost();
             self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
             let deadline = self.pump.poll(now, &mut self.port);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis, refusal_words};
 use ob1_coupler::{BusConfig, Image, State, Status};
-use ob1_log::{ALL, Limit};
+use ob1_process::log::{ALL, Limit};
 use tracing::{info, warn};
 
 /// Changes of a coupler that are told at once, and the time after which one more is.

@@ -70,7 +70,7 @@ fn main() -> ExitCode {
     // Before anything is opened, and before there is a thread.
     let fenced = from_runtime::confine();
     let exit = run(&Arguments::parse(), &fenced);
-    ob1_log::flush(ob1_log::LAST_WORDS);
+    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
     exit
 }
 

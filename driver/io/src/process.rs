@@ -91,7 +91,7 @@ impl Process {
     /// One pass over everything; true if a line may have more events. `beats`: the scan decides about the outputs.
     fn pass(&mut self, beats: bool) -> bool {
         let now = self.now();
-        let lost = ob1_log::lost();
+        let lost = ob1_process::log::lost();
         self.pump.segment.count(Counter::LogLost, lost - std::mem::replace(&mut self.log_lost, lost));
         let changed = beats && self.pump.look_at_scan(now);
         let mut more = false;

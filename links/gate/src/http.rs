@@ -9,6 +9,7 @@ use std::rc::Rc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
+use crate::shared::{Link, network};
 use http_body_util::{BodyExt as _, LengthLimitError, Limited};
 use hyper::body::{Bytes, Frame, Incoming};
 use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderName, HeaderValue, ORIGIN};
@@ -17,7 +18,6 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use ob1_access::settings::HttpSettings;
-use ob1_gate_core::{Link, network};
 use rustix::net::sockopt;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
@@ -254,7 +254,7 @@ pub(crate) async fn serve(link: Link, own: HttpSettings, site: Rc<impl Site>) ->
         let _ = sockopt::set_tcp_user_timeout(&stream, DEAF.as_millis() as u32);
         let _ = sockopt::set_socket_keepalive(&stream, true);
         let (site, names, connections) = (Rc::clone(&site), Rc::clone(&names), Rc::clone(&connections));
-        let tls = link.tls.as_ref().map(ob1_gate_core::Tls::acceptor);
+        let tls = link.tls.as_ref().map(crate::shared::Tls::acceptor);
         tokio::task::spawn_local(async move {
             let served = async {
                 match tls {

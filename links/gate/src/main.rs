@@ -5,8 +5,11 @@
 
 mod http;
 mod metrics;
+mod mqtt;
+mod opcua;
 mod prepare;
 mod serve;
+mod shared;
 mod user;
 mod web;
 
@@ -92,7 +95,7 @@ fn main() -> ExitCode {
         Some(What::User { what }) => user::run(&what),
         None => run(&arguments.name),
     };
-    ob1_log::flush(ob1_log::LAST_WORDS);
+    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
     exit
 }
 
@@ -116,7 +119,7 @@ fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     ob1_process::close_inherited();
     // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
+    let _ = ob1_process::log::subscribe("info", ob1_process::log::Lines::Sparing);
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("gate", name).entered();
     signals();
@@ -127,8 +130,8 @@ fn run(name: &str) -> ExitCode {
     });
     // Needed files are opened first; then the process confines itself, still without a thread.
     let served = prepared.and_then(prepare::links).and_then(|(links, memory)| {
-        let _ = ob1_log::start();
-        ob1_log::tell_panics();
+        let _ = ob1_process::log::start();
+        ob1_process::log::tell_panics();
         serve::run(links, memory)
     });
     match served {

@@ -8,13 +8,13 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use crate::shared::{Link, Source, Station, Trouble, Users};
 use base64ct::{Base64, Encoding as _};
 use hyper::header::{ACCEPT, AUTHORIZATION, HeaderMap, HeaderValue, WWW_AUTHENTICATE};
 use hyper::{Method, StatusCode};
 use ob1_access::alarms::StandingAlarm;
 use ob1_access::door::{Document, What};
 use ob1_access::settings::HttpSettings;
-use ob1_gate_core::{Link, Source, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
 

@@ -4,10 +4,10 @@ use std::net::{Ipv4Addr, TcpListener};
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
+use crate::shared::{Audit, Memory, Tls, Users};
 use ob1_access::Right;
 use ob1_access::door::{Door, DoorError, Welcome};
 use ob1_access::settings::{GateKind, GateSettings, WebSettings};
-use ob1_gate_core::{Audit, Memory, Tls, Users};
 use ob1_process::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};

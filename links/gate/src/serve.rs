@@ -4,9 +4,9 @@ use std::future::Future;
 use std::pin::Pin;
 use std::time::Duration;
 
+use crate::shared::{Link, Memory, Station};
 use ob1_access::door::DoorError;
 use ob1_access::settings::GateKind;
-use ob1_gate_core::{Link, Memory, Station};
 use tokio::task::JoinSet;
 use tokio::time::{interval, timeout};
 use tracing::{error, info};
@@ -53,8 +53,8 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         let (kind, served): (_, Served) = match told.own {
             GateKind::Web(own) => ("web", Box::pin(web::serve(link, own))),
             GateKind::Metrics(own) => ("metrics", Box::pin(metrics::serve(link, own))),
-            GateKind::OpcUa(own) => ("opcua", Box::pin(ob1_gate_opcua::serve(link, own))),
-            GateKind::Mqtt(own) => ("mqtt", Box::pin(ob1_gate_mqtt::serve(link, *own))),
+            GateKind::OpcUa(own) => ("opcua", Box::pin(crate::opcua::serve(link, own))),
+            GateKind::Mqtt(own) => ("mqtt", Box::pin(crate::mqtt::serve(link, *own))),
         };
         info!(link = name, kind, "serving");
         let told = async move {
@@ -83,7 +83,7 @@ async fn all_ended(tasks: &mut JoinSet<()>) {
 }
 
 /// Reloads changed users and renewed certificates without a restart.
-async fn renew(users: Option<ob1_gate_core::Users>, tls: Option<ob1_gate_core::Tls>) {
+async fn renew(users: Option<crate::shared::Users>, tls: Option<crate::shared::Tls>) {
     let mut look = interval(RENEWED);
     let mut told = String::new();
     loop {

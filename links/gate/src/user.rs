@@ -6,8 +6,8 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::process::ExitCode;
 
+use crate::shared::{Users, hash};
 use ob1_access::Right;
-use ob1_gate_core::{Users, hash};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
 use crate::UserCommand;

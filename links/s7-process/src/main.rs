@@ -65,7 +65,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let exit = run(&Arguments::parse());
-    ob1_log::flush(ob1_log::LAST_WORDS);
+    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
     exit
 }
 

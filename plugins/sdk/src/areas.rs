@@ -1,6 +1,6 @@
 //! Memory areas, data blocks and the instance.
 
-use ob1_abi as abi;
+use crate::abi;
 
 use crate::Cx;
 use crate::formal::Static;
@@ -214,7 +214,7 @@ impl<M> Cx<'_, M> {
 
 /// Bytes of an elementary type, 0 for a bit.
 const fn width<T: Elementary>() -> usize {
-    use ob1_abi::ty;
+    use crate::abi::ty;
     if T::TY == Bool::TY {
         return 0;
     }

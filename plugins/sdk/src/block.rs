@@ -10,15 +10,15 @@ use crate::state::Zeroable;
 #[repr(u8)]
 pub enum Kind {
     /// Organization block: called by the CPU, has no parameters.
-    Ob = ob1_abi::KIND_OB,
+    Ob = crate::abi::KIND_OB,
     /// Function block: has an instance data block.
-    Fb = ob1_abi::KIND_FB,
+    Fb = crate::abi::KIND_FB,
     /// Function: a block without an instance.
-    Fc = ob1_abi::KIND_FC,
+    Fc = crate::abi::KIND_FC,
     /// System function block: an FB built into the CPU.
-    Sfb = ob1_abi::KIND_SFB,
+    Sfb = crate::abi::KIND_SFB,
     /// System function: an FC built into the CPU.
-    Sfc = ob1_abi::KIND_SFC,
+    Sfc = crate::abi::KIND_SFC,
 }
 
 impl Kind {

@@ -1,6 +1,6 @@
 //! Calls of other blocks, and information about the running organization block.
 
-use ob1_abi as abi;
+use crate::abi;
 
 use crate::reply::{Abort, Reply, reply};
 use crate::{Area, Cx};

@@ -3,7 +3,7 @@
 use core::fmt::Display;
 use core::marker::PhantomData;
 
-use ob1_abi::{self as abi, CallContext, HostTable};
+use crate::abi::{self as abi, CallContext, HostTable};
 
 use crate::formal::{Formal, Readable, Writable};
 use crate::reply::{Abort, Reply, reply};

@@ -4,8 +4,8 @@ use core::ffi::c_void;
 use std::mem::ManuallyDrop;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ob1_abi::{self as abi, CallContext, HostTable, ParamDesc, Status};
-pub use ob1_abi::{BlockDesc, PluginTable};
+use crate::abi::{self as abi, CallContext, HostTable, ParamDesc, Status};
+pub use crate::abi::{BlockDesc, PluginTable};
 
 pub use crate::layout::bit_address;
 use crate::param::{self, Param};
@@ -87,7 +87,7 @@ const fn params(params: &'static [Param]) -> *const ParamDesc {
 /// A block's entry: raw pointers become a [`Cx`], a panic becomes a status.
 ///
 /// # Safety
-/// As `ob1_abi::BlockEntry` says: the pointers are the host's, for this call; `state` leads to `state_size` bytes.
+/// As `crate::abi::BlockEntry` says: the pointers are the host's, for this call; `state` leads to `state_size` bytes.
 unsafe extern "C" fn entry<B: Block>(host: *const HostTable, call: *mut CallContext, state: *mut c_void) -> Status {
     // SAFETY: null, or the host's table, which begins with its size.
     let Some(size) = (unsafe { host.cast::<u32>().as_ref() }) else { return abi::BAD_ARGUMENT };

@@ -3,7 +3,7 @@
 //! The same rules as the compiler's: sections in the order inputs, outputs, in/outs, statics, each from an even byte;
 //! BOOLs fill bits, bytes may be at any address, longer types start at an even byte.
 
-use ob1_abi::{SECTION_IN, SECTION_IN_OUT, SECTION_OUT, SECTION_STATIC, ty};
+use crate::abi::{SECTION_IN, SECTION_IN_OUT, SECTION_OUT, SECTION_STATIC, ty};
 
 use crate::param::Param;
 

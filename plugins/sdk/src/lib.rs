@@ -52,6 +52,7 @@
 // The edge itself: raw pointers of the C interface become safe functions here, so that no plugin needs unsafe code.
 #![allow(unsafe_code)]
 
+pub mod abi;
 mod areas;
 mod block;
 mod calls;

@@ -1,6 +1,6 @@
 //! Modules at their logical address.
 
-use ob1_abi as abi;
+use crate::abi;
 
 use crate::Cx;
 use crate::reply::{Reply, reply};

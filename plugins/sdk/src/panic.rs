@@ -17,9 +17,9 @@ static MESSAGE: [AtomicU8; MESSAGE_BYTES] = [const { AtomicU8::new(0) }; MESSAGE
 static LEN: AtomicUsize = AtomicUsize::new(0);
 
 /// Installs the hook: `init` of the plugin's table.
-pub(crate) unsafe extern "C" fn init() -> ob1_abi::Status {
+pub(crate) unsafe extern "C" fn init() -> crate::abi::Status {
     std::panic::set_hook(Box::new(keep));
-    ob1_abi::OK
+    crate::abi::OK
 }
 
 /// Copies the last message: `panic_message` of the plugin's table.

@@ -1,6 +1,6 @@
 //! The description of one parameter, as the table of the plugin holds it.
 
-use ob1_abi as abi;
+use crate::abi;
 
 use crate::text::text;
 

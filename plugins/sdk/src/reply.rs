@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use ob1_abi::{self as abi, Status};
+use crate::abi::{self as abi, Status};
 
 /// The CPU is on its way to STOP, or the run ends: the block must return at once. Only the host creates it; pass it on
 /// with `?`.

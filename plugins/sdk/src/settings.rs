@@ -1,6 +1,6 @@
 //! What the station file says about a module for the plugins that serve it (extension "settings").
 
-use ob1_abi::{EXTENSION_SETTINGS, SettingsTable};
+use crate::abi::{EXTENSION_SETTINGS, SettingsTable};
 
 use crate::Cx;
 use crate::reply::{Refused, Reply, reply};

@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write};
 
-use ob1_abi::{TEXT_MAX, Text};
+use crate::abi::{TEXT_MAX, Text};
 
 /// A text of the interface. Sound for `'static` text in tables, and for the time of one host call.
 pub(crate) const fn text(text: &str) -> Text {

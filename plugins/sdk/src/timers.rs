@@ -1,6 +1,6 @@
 //! S5 timers and counters.
 
-use ob1_abi as abi;
+use crate::abi;
 
 use crate::Cx;
 use crate::reply::{Reply, reply};

@@ -1,6 +1,6 @@
 //! The data types of parameters and instance variables: a marker for each S7 type, with the Rust type of its value.
 
-use ob1_abi::ty;
+use crate::abi::ty;
 
 /// A type a parameter can have.
 pub trait S7Type {

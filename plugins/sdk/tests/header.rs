@@ -1,4 +1,4 @@
-//! `include/ob1.h` matches `plugins/abi`.
+//! `include/ob1.h` matches `plugins/sdk/src/abi`.
 //!
 //! After a change of the interface: `OB1_UPDATE=1 cargo test -p ob1-sdk --test header`, and review the diff.
 
@@ -24,7 +24,7 @@ const TYPES: [(&str, &str); 16] = [
     ("TimerInfo", "Ob1TimerInfo"),
 ];
 
-/// The constants of `ob1_abi::ty`.
+/// The constants of `ob1_sdk::abi::ty`.
 const DATA_TYPES: [&str; 23] = [
     "BOOL",
     "BYTE",
@@ -53,7 +53,7 @@ const DATA_TYPES: [&str; 23] = [
 
 const HEAD: &str = "/* Blocks for ob1 in C: what plugin and host agree on. docs/plugins.md tells how to use it.
  *
- * Generated from plugins/abi; see plugins/sdk/tests/header.rs. */
+ * Generated from plugins/sdk/src/abi; see plugins/sdk/tests/header.rs. */
 ";
 
 const ENTRY: &str = "struct Ob1PluginTable;
@@ -66,7 +66,7 @@ const struct Ob1PluginTable *ob1_plugin(void);
 ";
 
 fn generate() -> String {
-    let abi = Path::new(env!("CARGO_MANIFEST_DIR")).join("../abi");
+    let abi = |file| Path::new(env!("CARGO_MANIFEST_DIR")).join("src/abi").join(file);
     let mut config = cbindgen::Config {
         language: cbindgen::Language::C,
         header: Some(HEAD.to_owned()),
@@ -92,14 +92,17 @@ fn generate() -> String {
     }
     let mut header = Vec::new();
     cbindgen::Builder::new()
-        .with_crate(abi)
+        .with_src(abi("codes.rs"))
+        .with_src(abi("host.rs"))
+        .with_src(abi("plugin.rs"))
+        .with_src(abi("settings.rs"))
         .with_config(config)
         .generate()
-        .expect("plugins/abi is C through and through")
+        .expect("the interface is C through and through")
         .write(&mut header);
     // C has no rustdoc links.
     let header = String::from_utf8(header).expect("C is ASCII");
-    let header = header.replace("[`crate::", "`").replace("[`", "`").replace("`]", "`");
+    let header = header.replace("[`crate::abi::", "`").replace("[`", "`").replace("`]", "`");
     // C can only declare a type without members.
     let (opaque, declared) = ("struct Ob1CallContext {\n  uint8_t _opaque[0];\n};", "struct Ob1CallContext;");
     assert!(header.contains(opaque), "the call context is opaque");
@@ -115,5 +118,5 @@ fn the_header_is_current() {
         std::fs::write(&path, &wanted).expect("include/ob1.h can be written");
     }
     let found = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(found == wanted, "include/ob1.h is not what plugins/abi says; OB1_UPDATE=1 writes it anew");
+    assert!(found == wanted, "include/ob1.h is not what plugins/sdk/src/abi says; OB1_UPDATE=1 writes it anew");
 }

@@ -15,8 +15,8 @@ use ob1_cpu::{
     AlarmJob, Answer as CpuAnswer, Ask, Cpu, DebugJob, Frame, Group, Job as Work, Link, Listing, Mark, PassJob, Piece,
     PointJob, Question, SUMS_AT, TooMuch, Window,
 };
-use ob1_log::Limit;
 use ob1_model::{DebugOrder, PASS_WAIT, Pass, Point, PointItem, PointOrder};
+use ob1_process::log::Limit;
 use ob1_time::{Instant, Span};
 
 use crate::alarms::Logons;

@@ -172,8 +172,8 @@ pub struct ObInfo {
 }
 
 /// What a native block can ask of the CPU during its call. With the part that standard blocks use too the plugin
-/// interface (`ob1-abi`) mirrors these functions one by one; meanings are documented there.
-#[expect(missing_docs, reason = "documented at the function of the same name in ob1_abi::HostTable")]
+/// interface (`ob1_sdk::abi`) mirrors these functions one by one; meanings are documented there.
+#[expect(missing_docs, reason = "documented at the function of the same name in ob1_sdk::abi::HostTable")]
 pub trait NativeContext: Context {
     fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, Refused>;
     fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), Refused>;

@@ -226,8 +226,9 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
 
 /// The program as its sources have it.
 fn sources_text(program: &ob1_ir::Program, library: &ob1_stl::Library, language: Language) -> String {
-    let read =
-        |file: &str| Some(ob1_stl::Source::new(file, ob1_files::read(Path::new(file), ob1_files::LONGEST).ok()?));
+    let read = |file: &str| {
+        Some(ob1_stl::Source::new(file, ob1_process::files::read(Path::new(file), ob1_process::files::LONGEST).ok()?))
+    };
     let all = ob1_stl::CrossReference::new(program, library);
     source_view::text(&source_view::view(&all, library, &read, language.wanted()), program)
 }

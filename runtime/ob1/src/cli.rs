@@ -193,7 +193,7 @@ fn times_may_begin_with_a_minus(command: clap::Command) -> clap::Command {
 
 /// Parses the command line of this process and does what it says.
 pub fn main() -> ExitCode {
-    ob1_log::tell_panics();
+    ob1_process::log::tell_panics();
     ob1_rt::survive_file_limit();
     out::finish(match Cli::try_parse() {
         Ok(cli) => {
@@ -203,7 +203,7 @@ pub fn main() -> ExitCode {
         // Help and version are not errors.
         Err(error) if !error.use_stderr() => {
             let text = error.render();
-            if ob1_log::is_coloured(std::io::stdout().is_terminal()) {
+            if ob1_process::log::is_coloured(std::io::stdout().is_terminal()) {
                 says!("{}", text.ansi());
             } else {
                 says!("{text}");
@@ -220,7 +220,7 @@ pub fn main() -> ExitCode {
 /// Only a plugin calls `exit()` while a command is at work; `run` has more to say.
 fn exit_is_a_fault(way: &str) -> u8 {
     err!("ob1: a plugin has called {way}; a block returns, it never ends the process");
-    ob1_log::flush(ob1_log::LAST_WORDS);
+    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
     Exit::EndedByPlugin as u8
 }
 

@@ -184,7 +184,7 @@ fn write_targets(all: &[Listed], file: &std::path::Path, host: Option<&str>) -> 
         says!("{text}");
         return Exit::Ok;
     }
-    match ob1_files::replace(file, text.as_bytes()) {
+    match ob1_process::files::replace(file, text.as_bytes()) {
         Ok(()) => Exit::Ok,
         Err(error) => {
             err!("ob1: {}: {error}\n  = name a file in a folder that this user may write", file.display());

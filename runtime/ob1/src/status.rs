@@ -113,7 +113,8 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
         Some(picture) => picture.text(pass, coloured),
         None => text(pass),
     };
-    let shown = |pass: &PassStatus| not_called(args, pass).unwrap_or_else(|| text(pass, ob1_log::is_coloured(true)));
+    let shown =
+        |pass: &PassStatus| not_called(args, pass).unwrap_or_else(|| text(pass, ob1_process::log::is_coloured(true)));
     let live = !args.once && !args.json && io::stdout().is_terminal() && io::stdin().is_terminal();
     // What is wrong with the question is told before there is a screen.
     let mut pass = ask(&mut client, args.wanted())?;
@@ -131,7 +132,7 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
         }
         match not_called(args, &pass) {
             Some(why) if args.once || !args.json => return Err(AccessError::Refused(why)),
-            None if !args.json => says!("{}", text(&pass, ob1_log::is_coloured(io::stdout().is_terminal()))),
+            None if !args.json => says!("{}", text(&pass, ob1_process::log::is_coloured(io::stdout().is_terminal()))),
             _ => {}
         }
         out::flush();

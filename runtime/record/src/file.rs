@@ -92,7 +92,7 @@ fn block(out: &mut Vec<u8>, kind: u8, content: &[u8]) {
     out.extend_from_slice(&(content.len() as u32).to_le_bytes());
     out.push(kind);
     out.extend_from_slice(content);
-    let sum = ob1_files::checksum(out[begin..].iter().copied());
+    let sum = ob1_process::files::checksum(out[begin..].iter().copied());
     out.extend_from_slice(&sum.to_le_bytes());
 }
 
@@ -276,7 +276,7 @@ impl<R: Read> Reader<R> {
         }
         let sum = bytes.get(end..).and_then(|sum| sum.first_chunk()).map(|sum| u64::from_le_bytes(*sum));
         bytes.truncate(end);
-        if sum != Some(ob1_files::checksum(bytes.iter().copied())) {
+        if sum != Some(ob1_process::files::checksum(bytes.iter().copied())) {
             return Err(FormatError::Damaged(self.at));
         }
         self.at += (end + AFTER) as u64;

@@ -31,7 +31,7 @@ const LONGEST: u64 = 16 << 20;
 /// All findings: an unreadable file, or every mistake in it.
 pub fn load(path: &Path, place: &Spot) -> Result<AlarmTexts, Vec<Finding>> {
     let name = path.display().to_string();
-    match ob1_files::read(path, LONGEST) {
+    match ob1_process::files::read(path, LONGEST) {
         Ok(bytes) => parse(&Source::new(name.as_str(), bytes).text(), &name),
         Err(error) => Err(vec![unreadable(place, path, &error)]),
     }

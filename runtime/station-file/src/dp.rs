@@ -322,7 +322,7 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
         return None;
     };
     let path = folder.join(file.get_ref());
-    let bytes = match ob1_files::read(&path, ob1_files::LONGEST) {
+    let bytes = match ob1_process::files::read(&path, ob1_process::files::LONGEST) {
         Ok(bytes) => bytes,
         Err(error) => {
             let message = format!("the GSD file {} cannot be read: {error}", path.display());
@@ -330,7 +330,7 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
             return None;
         }
     };
-    match ob1_log::quietly(|| Gsd::read(&bytes)) {
+    match ob1_process::log::quietly(|| Gsd::read(&bytes)) {
         Ok(gsd) => Some(gsd),
         Err(error) => {
             let message = format!("{} is not a valid GSD file: {error}", path.display());

@@ -3,7 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::ops::Range;
 
-use ob1_log::Severity;
+use ob1_process::log::Severity;
 use ob1_stl::{excerpt, printable};
 use serde::Serialize;
 

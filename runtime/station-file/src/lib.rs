@@ -123,7 +123,7 @@ fn read(path: &Path) -> Result<String, Vec<Finding>> {
             remedy,
         )]);
     }
-    ob1_files::read_text(path).map_err(|error| {
+    ob1_process::files::read_text(path).map_err(|error| {
         let remedy = match error.kind() {
             ErrorKind::NotFound => "name an existing station file, such as examples/two-stations/station-a.toml",
             ErrorKind::InvalidData => "a station file is UTF-8 text",

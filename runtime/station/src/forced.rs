@@ -36,7 +36,7 @@ pub fn path(folder: &Path, station: &str) -> PathBuf {
 /// # Errors
 /// The file cannot be read, or its lines are not those of such a file; in words.
 pub fn read(path: &Path) -> Result<Vec<Forced>, String> {
-    let text = match ob1_files::read_text(path) {
+    let text = match ob1_process::files::read_text(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         text => text.map_err(|error| error.to_string())?,
     };
@@ -88,10 +88,10 @@ impl Forces {
         let written = if list.is_empty() {
             match std::fs::remove_file(path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-                _ => ob1_files::sync_folder_of(path),
+                _ => ob1_process::files::sync_folder_of(path),
             }
         } else {
-            ob1_files::replace(path, format!("{HEAD}\n{}\n{END}\n", list.join("\n")).as_bytes())
+            ob1_process::files::replace(path, format!("{HEAD}\n{}\n{END}\n", list.join("\n")).as_bytes())
         };
         if let Err(why) = written {
             tracing::error!("{}: what is forced is not kept: {why}", path.display());

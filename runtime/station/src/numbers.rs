@@ -17,7 +17,7 @@ const SUM: &str = "# checksum ";
 const NAMED: usize = 20;
 
 fn sum_of(text: &str) -> String {
-    format!("{:016x}", ob1_files::checksum(text.bytes()))
+    format!("{:016x}", ob1_process::files::checksum(text.bytes()))
 }
 
 /// Reads a file of numbers; none when there is no file.
@@ -26,7 +26,7 @@ fn sum_of(text: &str) -> String {
 /// The file cannot be read, or a line of it has no meaning.
 pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     let name = path.display().to_string();
-    let text = match ob1_files::read_text(path) {
+    let text = match ob1_process::files::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => {
@@ -86,7 +86,7 @@ pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Optio
         let _ = writeln!(text, "{} = \"{}\"", toml::Value::from(name), one.id);
     }
     let text = format!("{SUM}{}\n{text}", sum_of(&text));
-    ob1_files::replace(path, text.as_bytes()).err().map(|error| {
+    ob1_process::files::replace(path, text.as_bytes()).err().map(|error| {
         let message = format!("the numbers of blocks cannot be kept: {error}");
         let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
         Finding::whole(Level::Warning, NOT_KEPT, &path.display().to_string(), message, remedy)

@@ -2,7 +2,7 @@
 //!
 //! Nothing here panics. If the reader of standard output closes it (`| head`), nothing more is printed and the command
 //! ends as usual. Any other failure to write it (a full disk) is reported and has an exit code of its own. Standard
-//! error goes through [`ob1_log`], which a running station does not wait for.
+//! error goes through [`ob1_process::log`], which a running station does not wait for.
 
 use std::fmt;
 use std::io::{self, Write as _};
@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use std::sync::mpsc;
 use std::time::Duration;
 
-pub use ob1_log::Severity;
+pub use ob1_process::log::Severity;
 
 use crate::exit::Exit;
 
@@ -104,9 +104,9 @@ pub fn print_at_the_end(text: String) {
     }
 }
 
-/// Text on standard error, through [`ob1_log`]; what [`err`](crate::err) and [`note`](crate::note) do.
+/// Text on standard error, through [`ob1_process::log`]; what [`err`](crate::err) and [`note`](crate::note) do.
 pub fn tell(severity: Severity, text: fmt::Arguments<'_>) {
-    ob1_log::write(severity, text.to_string().as_bytes());
+    ob1_process::log::write(severity, text.to_string().as_bytes());
 }
 
 /// The last thing a command does: what is still in buffers is written, and the exit code says whether it was.
@@ -121,10 +121,10 @@ pub fn finish(exit: ExitCode) -> ExitCode {
         }
         if let Stdout::Failed(error) = &*state {
             tell(Severity::Error, format_args!("ob1: standard output: {error}\n"));
-            ob1_log::flush(LAST_WORDS);
+            ob1_process::log::flush(LAST_WORDS);
             return if exit == Exit::Ok.into() { Exit::System.into() } else { exit };
         }
     }
-    ob1_log::flush(LAST_WORDS);
+    ob1_process::log::flush(LAST_WORDS);
     exit
 }

@@ -49,7 +49,7 @@ fn load_watched(path: &Path) -> Result<Arc<Plugin>, PluginError> {
     let name = path.display().to_string();
     let _exit = ob1_rt::ExitGuard::raise(move |way| {
         err!("\nob1: the plugin {name} has called {way} while it was loaded");
-        ob1_log::flush(ob1_log::LAST_WORDS);
+        ob1_process::log::flush(ob1_process::log::LAST_WORDS);
         Exit::EndedByPlugin as u8
     });
     let name = path.display().to_string();

@@ -378,7 +378,7 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
     let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
-        match ob1_files::read(path, ob1_files::LONGEST) {
+        match ob1_process::files::read(path, ob1_process::files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 let place = places.iter().find(|(named, _)| named == path);

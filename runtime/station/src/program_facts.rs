@@ -133,7 +133,7 @@ fn without_paths(text: &str) -> String {
 }
 
 fn folded(bytes: &[u8]) -> u32 {
-    let sum = ob1_files::checksum(bytes.iter().copied());
+    let sum = ob1_process::files::checksum(bytes.iter().copied());
     (sum >> 32) as u32 ^ sum as u32
 }
 

@@ -279,7 +279,7 @@ impl StationView {
                 locked_kib: memory.locked_kib,
                 threads: memory.threads,
             },
-            log_lost: ob1_log::lost(),
+            log_lost: ob1_process::log::lost(),
             forced: self.forces.now().iter().map(ToString::to_string).collect(),
             downloads: known.downloads.clone(),
             downloads_not_kept: known.not_kept.clone(),

@@ -16,8 +16,8 @@ const LOADED: u32 = 1;
 /// Why the library cannot be whole; `None`: nothing speaks against it. What is no library of this machine is left to
 /// the loader, which says so.
 pub(crate) fn cut_off(path: &Path) -> Option<String> {
-    if ob1_files::is_fifo(path) {
-        return Some(ob1_files::NO_FILE.to_owned());
+    if ob1_process::files::is_fifo(path) {
+        return Some(ob1_process::files::NO_FILE.to_owned());
     }
     let file = File::open(path).ok()?;
     let length = file.metadata().ok().filter(std::fs::Metadata::is_file)?.len();

@@ -128,8 +128,6 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("", ALL),
     // It maps files created by others, through rustix.
     ("backplane/segment", &[Clock, Threads, Locks, Disk, Net, Hash]),
-    ("base/files", NONE),
-    ("base/log", NONE),
     ("base/process", NONE),
     // A listener removes what an earlier process has left at its path.
     ("base/socket", &[Clock, Threads, Locks, Net, Process, Hash]),
@@ -138,9 +136,6 @@ const FENCES: &[(&str, &[Ban])] = &[
     // The time is passed in; its pty has a name on the disk, and TCP is one of its lines.
     ("driver/line", &[Clock, Threads, Hash]),
     ("links/gate", NONE),
-    ("links/gate-core", NONE),
-    ("links/gate-mqtt", NONE),
-    ("links/gate-opcua", NONE),
     ("links/s7-process", NONE),
     ("runtime/broker", NONE),
     // It may start processes and load plugins; the time is passed to its supervisor.
@@ -271,7 +266,7 @@ mod tests {
         assert_eq!(bans_of("driver/params/src/lib.rs"), ALL);
         assert_eq!(bans_of("driver/cp/src/main.rs"), NONE);
         assert_eq!(bans_of("driver/cpu/src/main.rs"), ALL, "a folder whose name only begins so");
-        assert_eq!(bans_of("links/gate-core/src/lib.rs"), NONE);
+        assert_eq!(bans_of("links/gate/src/shared/mod.rs"), NONE);
         assert_eq!(bans_of("xtask/src/main.rs"), NONE);
     }
 

@@ -51,6 +51,7 @@ const GUARDS: &[Guard] = &[
     guard("fence-holes", fences::holes),
     guard("unsafe", purity::unsafe_code),
     guard("statics", purity::plugin_statics),
+    guard("walls", purity::rooms),
     guard("citations", citations::check),
     guard("conformance", conformance::check),
     guard("words", owners::words),

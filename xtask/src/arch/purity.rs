@@ -1,16 +1,13 @@
-//! Guards over source text: no allocation in the protocols, unsafe code only in certain crates, no state in plugins.
+//! Guards over source text: no allocation in the protocols, unsafe code only in certain crates, no state in plugins,
+//! foreign libraries and the disk only in their rooms.
 
 use super::Finding;
 use super::mask::has_word;
 use super::tree::{File, Tree};
 
 /// Crates that are `no_std` and do not use `alloc`.
-const NO_ALLOC: &[(&str, &str)] = &[
-    ("driver/protocols", "invariant 1"),
-    ("base/serial", "invariant 1"),
-    ("base/time", "invariant 1"),
-    ("plugins/abi", "invariant 9"),
-];
+const NO_ALLOC: &[(&str, &str)] =
+    &[("driver/protocols", "invariant 1"), ("base/serial", "invariant 1"), ("base/time", "invariant 1")];
 
 /// `#![no_std]` at the crate root and no `extern crate` outside tests: then `Vec`, `String` and `Box` are not
 /// available.
@@ -77,6 +74,48 @@ fn has_unsafe_code(line: &str) -> bool {
         let rest = rest.strip_prefix("extern").map_or(rest, str::trim_start);
         has_word(&line[at..], word) && !rest.starts_with("fn(")
     }) && has_word(line, "unsafe")
+}
+
+/// What only some folders may name: the walls inside a crate.
+const ROOMS: &[(&[&str], &[&str])] = &[
+    (&["opcua_crypto", "opcua_nodes", "opcua_server", "opcua_types"], &["links/gate/src/opcua", "tests"]),
+    (&["rumqttc"], &["links/gate/src/mqtt", "tests"]),
+    (
+        &["hyper", "hyper_util", "http_body_util"],
+        &["links/gate/src/web", "links/gate/src/http", "links/gate/src/metrics"],
+    ),
+    (&["argon2"], &["links/gate/src/shared"]),
+    // Files are for who keeps something; a process gets what it needs of them from the runtime.
+    (
+        &["ob1_process::files"],
+        &[
+            "base/process",
+            "links/gate/src/web",
+            "runtime/record",
+            "runtime/station",
+            "runtime/station-file",
+            "runtime/ob1",
+        ],
+    ),
+];
+
+/// Finds such a name outside its folders, or outside the file that is named as a folder would be.
+pub(super) fn rooms(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (words, folders) in ROOMS {
+        let is_home = |file: &File| file.is_in(folders) || folders.iter().any(|f| file.path == format!("{f}.rs"));
+        for file in tree.rust().filter(|file| !is_home(file)) {
+            for (number, line, _) in file.code_lines() {
+                let Some(word) = words.iter().find(|word| has_word(line, word)) else { continue };
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "invariant 2",
+                    what: format!("`{word}` belongs to {}", folders.join(", ")),
+                });
+            }
+        }
+    }
+    findings
 }
 
 /// Crates that become part of a plugin.
@@ -164,23 +203,20 @@ fn mutable_static(line: &str) -> Option<&str> {
 mod tests {
     use super::*;
 
-    const ABI: (&str, &str) = ("plugins/abi/src/lib.rs", "#![no_std]\n");
     const SERIAL: (&str, &str) = ("base/serial/src/lib.rs", "#![no_std]\n");
     const TIME: (&str, &str) = ("base/time/src/lib.rs", "#![no_std]\n");
 
     #[test]
     fn no_std_is_demanded_and_alloc_refused() {
         let good = Tree::of(&[
-            ABI,
             SERIAL,
             TIME,
             ("driver/protocols/src/lib.rs", "//! x\n#![no_std]\n#[cfg(test)]\nextern crate std;\n"),
         ]);
         assert_eq!(no_std_without_alloc(&good), []);
-        let std = Tree::of(&[ABI, SERIAL, TIME, ("driver/protocols/src/lib.rs", "// #![no_std]\n")]);
+        let std = Tree::of(&[SERIAL, TIME, ("driver/protocols/src/lib.rs", "// #![no_std]\n")]);
         assert_eq!(no_std_without_alloc(&std).len(), 1);
-        let alloc =
-            Tree::of(&[ABI, SERIAL, TIME, ("driver/protocols/src/lib.rs", "#![no_std]\nextern crate alloc;\n")]);
+        let alloc = Tree::of(&[SERIAL, TIME, ("driver/protocols/src/lib.rs", "#![no_std]\nextern crate alloc;\n")]);
         assert_eq!(no_std_without_alloc(&alloc)[0].place, "driver/protocols/src/lib.rs:2");
     }
 
@@ -192,10 +228,10 @@ mod tests {
             ("driver/firmware/src/a.rs", "#[allow(unsafe_code)]\nfn a() {}"),
             ("plugins/cp240/src/a.rs", "#[unsafe(no_mangle)]\nfn a() {}"),
             (
-                "plugins/abi/src/a.rs",
+                "plugins/cp040/src/a.rs",
                 "struct A { f: unsafe extern \"C\" fn(u8), g: unsafe fn() }\n#![deny(unsafe_code)]",
             ),
-            ("plugins/abi/src/b.rs", "unsafe extern \"C\" fn g() {}"),
+            ("plugins/cp040/src/b.rs", "unsafe extern \"C\" fn g() {}"),
         ]);
         let places: Vec<String> = unsafe_code(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(
@@ -204,8 +240,24 @@ mod tests {
                 "runtime/cpu/src/a.rs:3",
                 "driver/firmware/src/a.rs:1",
                 "plugins/cp240/src/a.rs:1",
-                "plugins/abi/src/b.rs:1",
+                "plugins/cp040/src/b.rs:1",
             ]
+        );
+    }
+
+    #[test]
+    fn a_library_stays_in_its_room() {
+        let tree = Tree::of(&[
+            ("links/gate/src/mqtt/session.rs", "use rumqttc::Client;"),
+            ("links/gate/src/metrics.rs", "use hyper::Request;"),
+            ("links/gate/src/mqtt/tls.rs", "use hyper::Request;"),
+            ("links/gate/src/shared/tls.rs", "// rumqttc\nuse opcua_types::Variant;"),
+            ("driver/cp/src/main.rs", "ob1_process::files::read(x);\nob1_process::log::start();"),
+        ]);
+        let places: Vec<String> = rooms(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(
+            places,
+            ["links/gate/src/shared/tls.rs:2", "links/gate/src/mqtt/tls.rs:1", "driver/cp/src/main.rs:1"]
         );
     }
 

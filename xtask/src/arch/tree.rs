@@ -153,7 +153,7 @@ fn test_ranges(path: &str, code: &str) -> Vec<Range<usize>> {
 /// A crate of the graph.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crate {
-    /// From the root, e.g. `plugins/abi`; empty for crates from a registry.
+    /// From the root, e.g. `plugins/sdk`; empty for crates from a registry.
     pub(super) folder: String,
     /// Direct normal and build dependencies, by name.
     pub(super) needs: Vec<String>,

@@ -1,9 +1,9 @@
 //! Alarms: which stand, and their acknowledgement.
 
+use crate::shared::Client;
 use hyper::body::Bytes;
 use ob1_access::alarms::acknowledging;
 use ob1_access::door::{Answer, Ask};
-use ob1_gate_core::Client;
 use ob1_model::{ALARM_ORDERS, AlarmOrder};
 use serde::Deserialize;
 use serde_json::json;

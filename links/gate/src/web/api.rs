@@ -6,12 +6,12 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::time::Duration;
 
+use crate::shared::{Client, LoginError, Source, Trouble, Who};
 use hyper::StatusCode;
 use hyper::body::Bytes;
 use hyper::header::{HeaderMap, HeaderValue, SET_COOKIE};
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document};
 use ob1_access::{Right, last_stop};
-use ob1_gate_core::{Client, LoginError, Source, Trouble, Who};
 use ob1_model::{Event, StateChange};
 use rustix::fs::OFlags;
 use serde::Deserialize;

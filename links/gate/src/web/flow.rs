@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use std::rc::{Rc, Weak};
 use std::time::Duration;
 
+use crate::shared::{Client, Trouble, Who};
 use ob1_access::Right;
 use ob1_access::door::{Answer, Ask};
-use ob1_gate_core::{Client, Trouble, Who};
 use serde_json::{Value, json};
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use crate::shared::{Station, Trouble};
 use ob1_access::Names;
 use ob1_access::door::Document;
 use ob1_access::why::Known;
-use ob1_gate_core::{Station, Trouble};
 use ob1_ir::{CodeBlock, Program};
 use ob1_ladder::tree::Tree;
 use ob1_ladder::{Network, Reason, View, listing, read};

@@ -19,10 +19,10 @@ use std::future::Future;
 use std::pin::Pin;
 use std::rc::Rc;
 
+use crate::shared::{Client, Link, Station, Users, Who};
 use hyper::{Method, StatusCode};
 use ob1_access::settings::WebSettings;
 use ob1_access::{Allowed, Right};
-use ob1_gate_core::{Client, Link, Station, Users, Who};
 
 use crate::http::{self, Call, Reply, Site, not_so, plain};
 use sessions::Sessions;

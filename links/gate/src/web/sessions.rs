@@ -4,8 +4,8 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use crate::shared::{Client, Users, hex, unhex};
 use hyper::header::{COOKIE, HeaderMap};
-use ob1_gate_core::{Client, Users, hex, unhex};
 use ring::rand::{SecureRandom as _, SystemRandom};
 
 /// Maximum of sessions; a new one replaces one of the user who has most of them, that which has been silent longest.

@@ -1,7 +1,7 @@
 //! In what the program was interrupted: blocks, registers and local data of a CPU in STOP or HOLD.
 
+use crate::shared::Client;
 use ob1_access::door::{Answer, Ask};
-use ob1_gate_core::Client;
 use ob1_ir::Program;
 use ob1_model::{DebugOrder, Held, HeldBlock};
 use serde_json::{Value, json};

@@ -5,12 +5,12 @@ use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::Duration;
 
+use crate::shared::{Client, Trouble, Watch, network};
 use hyper::StatusCode;
 use hyper::body::Bytes;
 use hyper::header::{CONTENT_TYPE, HeaderValue};
 use ob1_access::door::{Document, Event, What};
 use ob1_access::{Form, Names, Typed};
-use ob1_gate_core::{Client, Trouble, Watch, network};
 use serde_json::{Value, json};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
@@ -122,7 +122,7 @@ fn watch(page: &Rc<Page>, flows: &str, to: &To) -> JoinSet<()> {
     tasks
 }
 
-/// [`ob1_gate_core::Users::mark`] of the client's user now.
+/// [`crate::shared::Users::mark`] of the client's user now.
 fn mark(page: &Page, client: &Client) -> Option<u64> {
     page.users.as_ref().and_then(|users| users.mark(&client.who().user))
 }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 
+use crate::shared::{Client, Trouble};
 use hyper::StatusCode;
 use hyper::body::Bytes;
-use ob1_gate_core::{Client, Trouble};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -39,7 +39,7 @@ pub(super) struct Tables(pub(super) Option<PathBuf>);
 impl Tables {
     pub(super) fn all(&self) -> io::Result<All> {
         let Some(path) = &self.0 else { return Ok(All::new()) };
-        let bytes = match ob1_files::read(path, FILE) {
+        let bytes = match ob1_process::files::read(path, FILE) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(All::new()),
             bytes => bytes?,
         };
@@ -67,7 +67,7 @@ impl Tables {
         if all.len() > TABLES {
             return Err(format!("there are {TABLES} tables: delete one first"));
         }
-        ob1_files::replace(path, json!(all).to_string().as_bytes())
+        ob1_process::files::replace(path, json!(all).to_string().as_bytes())
             .map_err(|why| format!("{}: {why}", path.display()))?;
         Ok(all)
     }

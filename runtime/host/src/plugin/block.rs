@@ -3,9 +3,9 @@
 use std::panic::resume_unwind;
 use std::sync::Arc;
 
-use ob1_abi as abi;
 use ob1_cpu::{Abort, NativeBlock, NativeContext};
 use ob1_model::{BlockId, Event, Interface};
+use ob1_sdk::abi;
 
 use super::BlockInfo;
 use super::frame::Frame;

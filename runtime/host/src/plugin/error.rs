@@ -80,12 +80,12 @@ impl fmt::Display for Refusal {
         match self {
             Refusal::Missing(reason) => write!(f, "cannot be opened ({reason})"),
             Refusal::NotALibrary(reason) => write!(f, "cannot be loaded ({reason})"),
-            Refusal::NoSymbol => write!(f, "is not an ob1 plugin: it has no function `{}`", ob1_abi::ENTRY_SYMBOL),
+            Refusal::NoSymbol => write!(f, "is not an ob1 plugin: it has no function `{}`", ob1_sdk::abi::ENTRY_SYMBOL),
             Refusal::OtherMajor { major, minor } => write!(
                 f,
                 "was built for plugin interface {major}.{minor}, this is {}.{}",
-                ob1_abi::ABI_MAJOR,
-                ob1_abi::ABI_MINOR
+                ob1_sdk::abi::ABI_MAJOR,
+                ob1_sdk::abi::ABI_MINOR
             ),
             Refusal::Malformed(what) => write!(f, "has a malformed table: {what}"),
             Refusal::InitFailed(status) => write!(f, "refuses to start: its init returned {status}"),

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use ob1_abi::{self as abi, ParamDesc, ty};
 use ob1_model::{BitAddr, BlockKind, DataType, Dimension, Interface, Layout, Param, Section};
+use ob1_sdk::abi::{self as abi, ParamDesc, ty};
 
 use super::text::{text, word};
 

@@ -1,4 +1,4 @@
-//! Plugins: blocks that come as shared libraries behind the interface of `ob1-abi`.
+//! Plugins: blocks that come as shared libraries behind the interface of `ob1_sdk::abi`.
 //!
 //! [`Plugin::load`] opens a library, checks its table before believing a byte of it, and never closes it again. One
 //! loaded library serves many stations: [`Plugin::station`] makes the native blocks of one station, with memory of

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use libloading::Library;
-use ob1_abi::{self as abi, BlockDesc, ParamDesc, PluginEntry, PluginTable};
 use ob1_model::{BlockId, BlockKind};
+use ob1_sdk::abi::{self as abi, BlockDesc, ParamDesc, PluginEntry, PluginTable};
 
 use super::error::Refusal;
 use super::text::{malformed, text, word};

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use ob1_abi::{TEXT_MAX, Text};
+use ob1_sdk::abi::{TEXT_MAX, Text};
 
 use super::error::Refusal;
 

@@ -31,7 +31,7 @@ impl Pictures {
         let ((before, old), (after, new)) = (old?, new?);
         let Merged { network, tree, marks } = merge((&before, &old), (&after, &new))?;
         let drawing = draw(&network, &tree, &self.sides[1].options(Form::Ladder));
-        let coloured = ob1_log::is_coloured(std::io::stdout().is_terminal());
+        let coloured = ob1_process::log::is_coloured(std::io::stdout().is_terminal());
         let colour = |place| match place {
             Place::At(id) | Place::Before(id) | Place::After(id) if coloured => match marks.get(id as usize)? {
                 Mark::Gone => Some(paint::RED),

@@ -128,7 +128,7 @@ impl Side {
 /// The text of each block's source, as far as the files are there.
 fn texts_of(program: &Program) -> BTreeMap<BlockId, String> {
     let read = |name: &String| {
-        let bytes = ob1_files::read(Path::new(name), ob1_files::LONGEST).ok()?;
+        let bytes = ob1_process::files::read(Path::new(name), ob1_process::files::LONGEST).ok()?;
         Some(Source::new(name.as_str(), bytes).text().into_owned())
     };
     let texts: Vec<Option<String>> = program.sources.iter().map(read).collect();

@@ -66,7 +66,7 @@ impl Dump {
     /// Writes the file. A data block the program has deleted gives an error.
     pub(super) fn write(&self, cpu: &Cpu) -> Result<(), String> {
         let bytes = self.bytes(cpu).map_err(|text| format!("--dump {text}"))?;
-        ob1_files::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
+        ob1_process::files::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
     }
 }
 

@@ -65,7 +65,8 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 
 /// A file may hold several blocks, one after another.
 fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let bytes = ob1_files::read(path, ob1_files::LONGEST).map_err(|error| format!("{}: {error}", path.display()))?;
+    let bytes = ob1_process::files::read(path, ob1_process::files::LONGEST)
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     let mut rest = bytes.as_slice();
     while !rest.is_empty() {
         let (block, length) = BlockImage::read(rest).map_err(|why| format!("{}: {why}", path.display()))?;

@@ -27,7 +27,7 @@ impl FileSource for Folder {
 
     fn read(&self, path: &str) -> Result<Vec<u8>, String> {
         let path = self.paths.get(path).ok_or("there is no such file")?;
-        ob1_files::read(&self.root.join(path), LONGEST_FILE).map_err(|error| error.to_string())
+        ob1_process::files::read(&self.root.join(path), LONGEST_FILE).map_err(|error| error.to_string())
     }
 }
 
@@ -51,7 +51,7 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn FileSource>, String> {
     match extension.as_str() {
         "s7p" | "s7l" => folder(path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new("."))).map_err(named),
         "zip" => {
-            let bytes = ob1_files::read(path, LONGEST_ARCHIVE).map_err(|error| named(error.to_string()))?;
+            let bytes = ob1_process::files::read(path, LONGEST_ARCHIVE).map_err(|error| named(error.to_string()))?;
             Ok(Box::new(Archive::open(bytes).map_err(named)?))
         }
         _ => Err(named(match other(&path.to_string_lossy()) {

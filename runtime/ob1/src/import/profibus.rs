@@ -38,8 +38,8 @@ impl GsdFiles {
             let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
             let is_gsd = extension.len() == 3 && extension.starts_with("gs");
             let (true, Some(name)) = (is_gsd, path.file_name().and_then(|name| name.to_str())) else { continue };
-            let bytes =
-                ob1_files::read(&path, ob1_files::LONGEST).map_err(|error| format!("{}: {error}", path.display()))?;
+            let bytes = ob1_process::files::read(&path, ob1_process::files::LONGEST)
+                .map_err(|error| format!("{}: {error}", path.display()))?;
             match Gsd::read(&bytes) {
                 Ok(gsd) => files.push((name.to_owned(), bytes, gsd)),
                 Err(why) => notes.push(Note::warning(name, format!("it is not a valid GSD file: {why}"))),

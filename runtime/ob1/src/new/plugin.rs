@@ -122,7 +122,7 @@ mod tests {
         let at = Path::new("x");
         let refusal = find_sdk(Some(base.path()), at).expect_err("an empty folder");
         assert_eq!(refusal.finding.code, NO_SDK);
-        std::fs::write(base.path().join("Cargo.toml"), "[package]\nname = \"ob1-abi\"\n").expect("written");
+        std::fs::write(base.path().join("Cargo.toml"), "[package]\nname = \"ob1-words\"\n").expect("written");
         assert!(find_sdk(Some(base.path()), at).is_err(), "another crate");
         let ours = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../plugins/sdk");
         assert!(find_sdk(Some(&ours), at).expect("the sdk of this checkout").is_absolute());

@@ -222,15 +222,15 @@ fn write_test(recording: &Path, program: &Path, test: &Path) -> Result<(), Recor
     let folder = test.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = recording.file_stem().unwrap_or_default().to_string_lossy();
     let text = test_file(&whole(recording)?, &whole(program)?, &whole(folder)?, &name);
-    ob1_files::write(test, text.as_bytes()).map_err(|error| file(test, error))
+    ob1_process::files::write(test, text.as_bytes()).map_err(|error| file(test, error))
 }
 
 /// Reads a recording, and writes it in another form.
 fn read(path: &Path, out: Option<&Path>) -> Result<(Count, usize), RecordError> {
     let file = |error| RecordError::File { path: path.to_owned(), error };
     let bad = |error| RecordError::Recording { path: path.to_owned(), error };
-    if ob1_files::is_fifo(path) {
-        return Err(file(io::Error::new(io::ErrorKind::InvalidInput, ob1_files::NO_FILE)));
+    if ob1_process::files::is_fifo(path) {
+        return Err(file(io::Error::new(io::ErrorKind::InvalidInput, ob1_process::files::NO_FILE)));
     }
     let mut reader = Reader::new(BufReader::new(File::open(path).map_err(file)?)).map_err(bad)?;
     let same = |out: &Path| out.canonicalize().is_ok_and(|out| path.canonicalize().is_ok_and(|path| path == out));

@@ -47,7 +47,7 @@ impl Recording {
         let head =
             Head { station: subject.name.clone(), min_cycle_ns: subject.cycle().nanos(), signals, ..Head::default() };
         let told = |error: std::io::Error| format!("{}: {error}", path.display());
-        let mut file = ob1_files::fresh(path, MODE).map_err(told)?;
+        let mut file = ob1_process::files::fresh(path, MODE).map_err(told)?;
         file.write_all(&Writer::begin(&head)).map_err(told)?;
         Ok(Self { path: path.to_owned(), file, writer: Writer::default(), rows: 0, inputs: bytes, cells })
     }

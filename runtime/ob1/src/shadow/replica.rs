@@ -107,7 +107,7 @@ impl Replica {
                 let gap = from.nanos().to_le_bytes();
                 order.sort_by_cached_key(|change| {
                     let of = change.byte.to_le_bytes().into_iter().chain([change.mask, number]);
-                    ob1_files::checksum(of.chain(gap))
+                    ob1_process::files::checksum(of.chain(gap))
                 });
             }
             Placing::Late | Placing::Early | Placing::Upwards => {}

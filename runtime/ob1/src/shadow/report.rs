@@ -148,7 +148,8 @@ impl<'s> Report<'s> {
             "cells": cells.collect::<Vec<_>>(),
             "differences": self.found.iter().map(|found| self.json(found)).collect::<Vec<_>>(),
         });
-        ob1_files::replace(path, report.to_string().as_bytes()).map_err(|error| format!("{}: {error}", path.display()))
+        ob1_process::files::replace(path, report.to_string().as_bytes())
+            .map_err(|error| format!("{}: {error}", path.display()))
     }
 
     fn json(&self, found: &Found) -> Value {

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use ob1_files::replace;
+use ob1_process::files::replace;
 
 use super::report::Report;
 use super::{html, text};

@@ -286,7 +286,7 @@ impl Report {
     /// # Errors
     /// What is wrong with the file, in one sentence.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let text = ob1_files::read_text(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let text = ob1_process::files::read_text(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let report: Self = serde_json::from_str(&text)
             .map_err(|e| format!("{} is not a report of `ob1 soak`: {e}", path.display()))?;
         if report.schema != SOAK_SCHEMA {

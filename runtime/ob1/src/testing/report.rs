@@ -75,7 +75,7 @@ impl FileReport {
 /// # Errors
 /// The file cannot be written; what the system says.
 pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
-    ob1_files::write(path, junit(reports).as_bytes())
+    ob1_process::files::write(path, junit(reports).as_bytes())
 }
 
 fn junit(reports: &[FileReport]) -> String {

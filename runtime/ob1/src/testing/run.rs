@@ -32,7 +32,7 @@ const GENERATED: &str = "(the call under test)";
 pub fn run_file(path: &Path, filter: &str) -> FileReport {
     let file = path.display().to_string();
     let refused = |refused| FileReport { file: file.clone(), refused, outcomes: Vec::new() };
-    let text = match ob1_files::read_text(path) {
+    let text = match ob1_process::files::read_text(path) {
         Ok(text) => text,
         Err(error) => {
             let message = format!("the test file cannot be read: {error}");

@@ -187,8 +187,9 @@ fn run(args: &TraceArgs) -> Result<(), TraceError> {
     {
         return Err(TraceError::Twice(path.clone()));
     }
-    let read_whole =
-        |path: &PathBuf| ob1_files::read(path, LONGEST).map_err(|error| TraceError::File { path: path.clone(), error });
+    let read_whole = |path: &PathBuf| {
+        ob1_process::files::read(path, LONGEST).map_err(|error| TraceError::File { path: path.clone(), error })
+    };
     // Before a file is begun.
     let recording = args.from.as_ref().map(|path| read_whole(path).map(|bytes| (path, bytes))).transpose()?;
     let mut sinks = Sinks::open(args)?;

@@ -142,7 +142,8 @@ fn name_of(station: &str) -> Result<String, AccessError> {
 }
 
 fn name_in(path: &Path) -> Result<String, String> {
-    let text = ob1_files::read_text(path).map_err(|error| format!("the station file cannot be read: {error}"))?;
+    let text =
+        ob1_process::files::read_text(path).map_err(|error| format!("the station file cannot be read: {error}"))?;
     let table = text.parse::<toml::Table>().ok();
     let name = table.and_then(|table| Some(table.get("station")?.get("name")?.as_str()?.to_owned()));
     name.ok_or_else(|| "this is not a station file: it has no name in [station]".to_owned())

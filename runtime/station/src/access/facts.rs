@@ -85,7 +85,7 @@ impl Code {
                 (image.code.clone(), same.then_some(decoded.offsets)?)
             }
         };
-        let (checksum, statements) = (ob1_files::checksum(code.iter().copied()), block.code.len() as u32 + 1);
+        let (checksum, statements) = (ob1_process::files::checksum(code.iter().copied()), block.code.len() as u32 + 1);
         let addresses = addresses(&code, &offsets);
         Some(Self { id, known, checksum, statements, addresses })
     }

@@ -233,7 +233,7 @@ pub(super) fn source(file: &str, started: u64) -> Option<Source> {
     if modified.as_nanos() > u128::from(started) {
         return None;
     }
-    Some(Source::new(file, ob1_files::read(path, ob1_files::LONGEST).ok()?))
+    Some(Source::new(file, ob1_process::files::read(path, ob1_process::files::LONGEST).ok()?))
 }
 
 /// The line of some statements, by their indices in order.

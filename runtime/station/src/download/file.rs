@@ -27,7 +27,7 @@ pub fn read(path: &Path) -> Result<Changes, String> {
     if !about.is_file() {
         return Err("it is not a file of downloads".into());
     }
-    decode(&ob1_files::read(path, ob1_files::LONGEST).map_err(|error| error.to_string())?)
+    decode(&ob1_process::files::read(path, ob1_process::files::LONGEST).map_err(|error| error.to_string())?)
 }
 
 /// Writes the file: under another name, synced, renamed. Without changes there is no file.
@@ -39,11 +39,11 @@ pub fn write(path: &Path, changes: &Changes) -> io::Result<()> {
         fs::create_dir_all(folder)?;
     }
     if !changes.is_empty() {
-        return ob1_files::replace(path, &encode(changes));
+        return ob1_process::files::replace(path, &encode(changes));
     }
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => ob1_files::sync_folder_of(path),
+        _ => ob1_process::files::sync_folder_of(path),
     }
 }
 
@@ -97,7 +97,7 @@ fn decode(bytes: &[u8]) -> Result<Changes, String> {
 }
 
 fn checksum(body: &[u8]) -> u64 {
-    ob1_files::checksum(body.iter().copied())
+    ob1_process::files::checksum(body.iter().copied())
 }
 
 #[cfg(test)]

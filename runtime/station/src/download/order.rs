@@ -51,7 +51,7 @@ impl LoadStatus {
     /// What changes where `next` follows `now`.
     pub(super) fn new(now: &Program, next: &Program, lost: Vec<String>, texts: Option<&Library>) -> Self {
         let text = ob1_ir::write(next);
-        let fingerprint = format!("{:016x}", ob1_files::checksum(text.bytes()));
+        let fingerprint = format!("{:016x}", ob1_process::files::checksum(text.bytes()));
         let change = |(block, what): (BlockId, &str)| Download { block: block.to_string(), what: what.to_owned() };
         let texts = texts.map(|library| [ob1_ir::write(now), text, ob1_ir::write(&declared(library))]);
         Self {

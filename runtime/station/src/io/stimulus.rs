@@ -60,7 +60,7 @@ impl Stimulus {
     /// # Errors
     /// All findings: an unreadable file, or every mistake in it.
     pub fn load(path: &Path, place: &Spot) -> Result<Self, Vec<Finding>> {
-        match ob1_files::read_text(path) {
+        match ob1_process::files::read_text(path) {
             Ok(text) => Self::parse(&text, &path.display().to_string()),
             Err(error) => Err(vec![unreadable(place, path, &error)]),
         }
@@ -120,7 +120,7 @@ impl Stimulus {
     #[must_use]
     pub fn unread(path: &Path, modules: &[ModuleConfig]) -> Vec<Finding> {
         let (name, inputs) = (path.display().to_string(), panel::inputs(modules));
-        let text = ob1_files::read_text(path).unwrap_or_default();
+        let text = ob1_process::files::read_text(path).unwrap_or_default();
         let source = Text { file: &name, text: &text };
         let Ok(file) = toml::from_str::<File>(&text) else { return Vec::new() };
         let mut found = Vec::new();

@@ -97,7 +97,7 @@ pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
 
 /// Over the version and the content.
 fn checksum(body: &[u8]) -> u64 {
-    ob1_files::checksum(VERSION.to_le_bytes().into_iter().chain(body.iter().copied()))
+    ob1_process::files::checksum(VERSION.to_le_bytes().into_iter().chain(body.iter().copied()))
 }
 
 #[cfg(test)]

@@ -100,7 +100,7 @@ impl Store {
     /// Makes and removes a file. A full disk is no reason to refuse: it may have room later.
     fn try_folder(&self) -> io::Result<()> {
         let temporary = self.temporary();
-        let made = ob1_files::fresh(&temporary, MODE);
+        let made = ob1_process::files::fresh(&temporary, MODE);
         let _ = fs::remove_file(&temporary);
         match made {
             Err(error) if !is_full(&error) => Err(error),
@@ -191,7 +191,7 @@ impl Store {
     pub fn write(&mut self, image: &[u8]) -> io::Result<u64> {
         let content = Content { station: self.station.clone(), sequence: self.sequence + 1, image: image.to_vec() };
         let bytes = format::encode(&content).map_err(io::Error::other)?;
-        ob1_files::replace_by(&self.temporary(), &self.path(self.next), &bytes, MODE)?;
+        ob1_process::files::replace_by(&self.temporary(), &self.path(self.next), &bytes, MODE)?;
         self.sequence = content.sequence;
         if !self.blocked[1 - self.next] {
             self.next = 1 - self.next;
@@ -295,15 +295,15 @@ fn set_aside(path: &Path) -> io::Result<PathBuf> {
 /// Copies a file to such a name, whole or not at all; the name. A station that is started again and again before it
 /// writes a generation needs one copy.
 fn copy_aside(path: &Path) -> io::Result<PathBuf> {
-    let bytes = ob1_files::read(path, format::LONGEST)?;
-    let is_it = |aside: &PathBuf| ob1_files::read(aside, format::LONGEST).is_ok_and(|there| there == bytes);
+    let bytes = ob1_process::files::read(path, format::LONGEST)?;
+    let is_it = |aside: &PathBuf| ob1_process::files::read(aside, format::LONGEST).is_ok_and(|there| there == bytes);
     let mut names = (0..KEPT).map(|number| name_aside(path, number));
     if let Some(aside) = names.clone().find(is_it) {
         return Ok(aside);
     }
     let aside = names.find(|aside| fs::symlink_metadata(aside).is_err());
     let aside = aside.unwrap_or_else(|| name_aside(path, KEPT - 1));
-    ob1_files::replace_by(&name_aside(path, KEPT), &aside, &bytes, MODE)?;
+    ob1_process::files::replace_by(&name_aside(path, KEPT), &aside, &bytes, MODE)?;
     Ok(aside)
 }
 

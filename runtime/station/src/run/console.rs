@@ -4,8 +4,9 @@
 /// waits for the reader of stderr.
 pub fn start_log(quiet: bool) {
     // Without the thread the log is written at once.
-    let _ = ob1_log::start();
-    if let Some(wrong) = ob1_log::subscribe(if quiet { "warn" } else { "info" }, ob1_log::Lines::All) {
+    let _ = ob1_process::log::start();
+    if let Some(wrong) = ob1_process::log::subscribe(if quiet { "warn" } else { "info" }, ob1_process::log::Lines::All)
+    {
         tracing::warn!("{wrong}");
     }
 }
@@ -19,9 +20,9 @@ pub struct LiveLine {
 impl LiveLine {
     /// A line on this terminal, unless `quiet` is wanted.
     pub fn new(quiet: bool) -> Self {
-        let on = !quiet && ob1_log::is_terminal();
+        let on = !quiet && ob1_process::log::is_terminal();
         if on {
-            let _ = ob1_log::start();
+            let _ = ob1_process::log::start();
         }
         Self { on }
     }
@@ -34,14 +35,14 @@ impl LiveLine {
     /// Replaces the live line; does nothing without a terminal.
     pub fn show(&self, text: &str) {
         if self.on {
-            ob1_log::live(text);
+            ob1_process::log::live(text);
         }
     }
 
     /// Takes the line away.
     pub fn wipe(&self) {
         if self.on {
-            ob1_log::live("");
+            ob1_process::log::live("");
         }
     }
 }

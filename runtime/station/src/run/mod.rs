@@ -147,7 +147,7 @@ fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
         let who = running.block().map_or_else(|| "a plugin".to_owned(), |block| format!("native block {block}"));
         err!("\nob1: {who} has called {way}; outputs are off, the station ends");
         err!("  = a block returns, or logs an error and lets the CPU stop; it never ends the process");
-        ob1_log::flush(ob1_log::LAST_WORDS);
+        ob1_process::log::flush(ob1_process::log::LAST_WORDS);
         Exit::EndedByPlugin as u8
     })
 }

@@ -144,7 +144,7 @@ fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
     }
     err!("\nob1: native block {block} does not return; outputs are off, the station ends");
     err!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
-    ob1_log::flush(ob1_log::LAST_WORDS);
+    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
     ob1_rt::lower_exit_guard();
     std::process::exit(i32::from(Exit::Hung as u8))
 }

@@ -104,7 +104,7 @@ impl Report {
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        ob1_files::write(path, text.as_bytes())
+        ob1_process::files::write(path, text.as_bytes())
     }
 
     /// The summary, as printed at the end of a run.

@@ -79,7 +79,7 @@ impl Signals {
                 }
                 if !fds[1].revents().is_empty() {
                     err!("ob1: ended by a signal before the station was started");
-                    ob1_log::flush(ob1_log::LAST_WORDS);
+                    ob1_process::log::flush(ob1_process::log::LAST_WORDS);
                     // Without the handlers of libraries: a plugin that is just being loaded holds their lock.
                     ob1_rt::end_now(SECOND_SIGNAL);
                 }

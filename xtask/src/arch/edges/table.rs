@@ -28,7 +28,6 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-arena", "invariant 2", &[]),
     // It runs the system blocks as native blocks: they are pure functions.
     row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "rtrb"]),
-    row("ob1-log", "invariant 4", &["rustix", "tracing", "tracing-subscriber"]),
     // The only crate that generates machine code.
     row(
         "ob1-native",
@@ -62,7 +61,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-access",
             // The side of a CP 343 on the back plane.
             "ob1-backplane",
-            "ob1-log",
             "ob1-model",
             "ob1-process",
             "ob1-s7",
@@ -74,62 +72,15 @@ pub(super) const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
-    // The only process with an async runtime, and the common parts of its protocols.
-    row(
-        "ob1-gate-core",
-        "invariant 2",
-        &[
-            "ob1-access",
-            "ob1-ir",
-            "ob1-log",
-            "ob1-model",
-            "argon2",
-            "ring",
-            "rustls",
-            "serde_json",
-            "thiserror",
-            "tokio",
-            "tokio-rustls",
-            "tracing",
-        ],
-    ),
-    // Protocols of the gate from other projects: only these two crates use async-opcua and rumqttc.
-    row(
-        "ob1-gate-opcua",
-        "invariant 2",
-        &[
-            "ob1-access",
-            "ob1-gate-core",
-            "ob1-model",
-            "async-opcua-crypto",
-            "async-opcua-nodes",
-            "async-opcua-server",
-            "async-opcua-types",
-            "async-trait",
-            "parking_lot",
-            "rustix",
-            "tokio",
-            "tracing",
-        ],
-    ),
-    row(
-        "ob1-gate-mqtt",
-        "invariant 2",
-        &["ob1-access", "ob1-gate-core", "ob1-model", "rumqttc", "serde_json", "tokio", "tracing"],
-    ),
+    // The only process with an async runtime; which of its folders may name which library: `ROOMS` in purity.rs.
     row(
         "ob1-gate",
         "invariant 2",
         &[
-            "ob1-files",
             "ob1-access",
-            "ob1-gate-core",
-            "ob1-gate-mqtt",
-            "ob1-gate-opcua",
             "ob1-ir",
             // Networks as drawings, with power flow.
             "ob1-ladder",
-            "ob1-log",
             "ob1-model",
             "ob1-process",
             // What the records of a driver's tap say.
@@ -137,18 +88,29 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-serial",
             "ob1-stl",
             "ob1-trace",
+            "argon2",
+            "async-opcua-crypto",
+            "async-opcua-nodes",
+            "async-opcua-server",
+            "async-opcua-types",
+            "async-trait",
             // Names and passwords of HTTP's basic authentication.
             "base64ct",
             "clap",
             "http-body-util",
             "hyper",
             "hyper-util",
+            "parking_lot",
             "ring",
+            "rumqttc",
             "rustix",
+            "rustls",
             "serde",
             "serde_json",
             "signal-hook",
+            "thiserror",
             "tokio",
+            "tokio-rustls",
             "tracing",
         ],
     ),
@@ -159,7 +121,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-access",
             "ob1-backplane",
             "ob1-cpu",
-            "ob1-log",
+            "ob1-process",
             "ob1-model",
             "ob1-rt",
             "ob1-socket",
@@ -180,7 +142,7 @@ pub(super) const TABLE: &[Row] = &[
         &[
             "ob1-model",
             "ob1-cpu",
-            "ob1-abi",
+            "ob1-sdk",
             "ob1-backplane",
             // The boxes of a CP 343.
             "ob1-words",
@@ -202,7 +164,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-station-file",
         "invariant 2",
         &[
-            "ob1-files",
+            "ob1-process",
             "ob1-access",
             "ob1-backplane",
             // Couplers, and GSD files of slaves.
@@ -210,7 +172,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-cpu",
             "ob1-dp",
             "ob1-host",
-            "ob1-log",
             "ob1-model",
             "ob1-params",
             // The port of ISO on TCP.
@@ -239,7 +200,7 @@ pub(super) const TABLE: &[Row] = &[
         &[
             "ob1-access",
             "ob1-cpu",
-            "ob1-files",
+            "ob1-process",
             "ob1-model",
             "ob1-time",
             "ob1-timing",
@@ -253,7 +214,6 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-station",
         "invariant 2",
         &[
-            "ob1-files",
             "ob1-model",
             "ob1-ir",
             "ob1-scl",
@@ -268,7 +228,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-rt",
             "ob1-socket",
             "ob1-time",
-            "ob1-log",
             "ob1-access",
             "ob1-broker",
             "ob1-host",
@@ -298,7 +257,7 @@ pub(super) const TABLE: &[Row] = &[
         "ob1",
         "invariant 2",
         &[
-            "ob1-files",
+            "ob1-process",
             "ob1-station",
             "ob1-station-file",
             "ob1-timing",
@@ -315,7 +274,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-dp",
             "ob1-rt",
             "ob1-time",
-            "ob1-log",
             "ob1-access",
             "ob1-host",
             "ob1-backplane",
@@ -344,8 +302,8 @@ pub(super) const TABLE: &[Row] = &[
             "toml",
         ],
     ),
-    row("ob1-abi", "invariant 9", &[]),
-    row("ob1-sdk", "invariant 9", &["ob1-abi"]),
+    // With the interface that two binaries agree on (`abi`).
+    row("ob1-sdk", "invariant 9", &[]),
     // The interface between a handling block and its CP, defined once.
     row("ob1-words", "invariant 9", &[]),
     row("ob1-backplane", "invariant 7", &["ob1-words", "loom", "memmap2", "rustix", "thiserror"]),
@@ -376,14 +334,12 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
     // The printer prints S7 values: needs the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
-    row("ob1-line", "invariant 4", &["ob1-serial", "ob1-socket", "rustix", "serialport", "thiserror"]),
-    row("ob1-files", "invariant 4", &[]),
     row("ob1-socket", "invariant 4", &["ob1-time", "rustix"]),
+    row("ob1-line", "invariant 4", &["ob1-serial", "ob1-socket", "rustix", "serialport", "thiserror"]),
     row(
         "ob1-process",
         "invariant 4",
         &[
-            "ob1-log",
             "ob1-serial",
             "ob1-socket",
             "landlock",
@@ -394,6 +350,7 @@ pub(super) const TABLE: &[Row] = &[
             "serde_json",
             "signal-hook",
             "tracing",
+            "tracing-subscriber",
         ],
     ),
     row(
@@ -406,7 +363,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-firmware",
             "ob1-line",
             "ob1-backplane",
-            "ob1-log",
             "ob1-words",
             "clap",
             "rustix",
@@ -425,7 +381,6 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-dp",
             "ob1-line",
             "ob1-backplane",
-            "ob1-log",
             "ob1-serial",
             "clap",
             // The lines of a GPIO chip: the character device of the kernel.
@@ -433,23 +388,6 @@ pub(super) const TABLE: &[Row] = &[
             "rustix",
             "serde_json",
             "tracing",
-        ],
-    ),
-    // A campaign over samples.
-    row(
-        "ob1-oscat",
-        "tools",
-        &[
-            "fastrand",
-            "ob1-cpu",
-            "ob1-ir",
-            "ob1-model",
-            "ob1-native",
-            "ob1-project",
-            "ob1-scl",
-            "ob1-std",
-            "ob1-stl",
-            "ob1-time",
         ],
     ),
     // Stand-ins for tests: no product needs it.
@@ -475,7 +413,6 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "serde",
             "tracing",
             "getrandom",
-            "ob1-abi",
             "ob1-sdk",
             "ob1-backplane",
             "ob1-host",
@@ -499,7 +436,7 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "memmap2",
             "serialport",
             "tracing",
-            "ob1-abi",
+            "ob1-sdk",
             "ob1-backplane",
             "ob1-line",
             "ob1-cpu",
@@ -510,7 +447,7 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     (
         "invariant 1",
         &["ob1-dp"],
-        &["rustix", "memmap2", "serialport", "tracing", "ob1-abi", "ob1-backplane", "ob1-line", "ob1-cpu", "ob1-rt"],
+        &["rustix", "memmap2", "serialport", "tracing", "ob1-sdk", "ob1-backplane", "ob1-line", "ob1-cpu", "ob1-rt"],
     ),
     // The CPU is in the runtime's process and in no other: links use the broker, drivers the back plane.
     (
@@ -524,12 +461,8 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     ("invariant 2", &["ob1-s7"], &["ob1-stl"]),
     // Only the gate has an async runtime.
     ("invariant 2", &["ob1", "ob1-station", "ob1-cp", "ob1-io", "ob1-s7-process", "ob1-access"], &["tokio", "hyper"]),
-    ("invariant 2", &["ob1-gate-core"], &["ob1-cpu", "ob1-host", "ob1-rt", "hyper"]),
-    (
-        "invariant 2",
-        &["ob1-gate-opcua", "ob1-gate-mqtt"],
-        &["ob1-cpu", "ob1-host", "ob1-rt", "hyper", "openssl", "aws-lc-rs"],
-    ),
+    // One library for TLS.
+    ("invariant 2", &["ob1-gate"], &["openssl", "aws-lc-rs"]),
     // Shared memory does not use a serialisation format.
     ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
     // A plugin may only use the functions of the host.
@@ -547,14 +480,13 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-example-rust-ob1",
             "ob1-panicking-plugin",
             "ob1-sdk",
-            "ob1-abi",
         ],
         &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],
     ),
     // Only `line` opens a device, only `host` loads a plugin.
     ("invariant 4", &["ob1", "ob1-station", "ob1-host", "ob1-rt", "ob1-backplane"], &["serialport", "ob1-line"]),
     ("invariant 4", &["ob1-cp", "ob1-io", "ob1-line", "ob1-backplane", "ob1-rt"], &["libloading"]),
-    ("invariant 2", &["ob1-cp", "ob1-io"], &["ob1-stl", "ob1-abi"]),
+    ("invariant 2", &["ob1-cp", "ob1-io"], &["ob1-stl", "ob1-sdk"]),
     // A station does not depend on the tools that inspect it.
     ("invariant 2", &["ob1-station"], &["ob1", "clap", "ratatui"]),
 ];

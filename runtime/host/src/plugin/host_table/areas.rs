@@ -1,7 +1,7 @@
 //! Memory areas, data blocks, the instance.
 
-use ob1_abi::{CallContext, InstanceInfo, Registers, Status};
 use ob1_cpu::Refused;
+use ob1_sdk::abi::{CallContext, InstanceInfo, Registers, Status};
 
 use super::edge::{area, bytes, bytes_mut, put, sized, with};
 

@@ -3,12 +3,12 @@
 use std::ffi::c_void;
 use std::ptr;
 
-use ob1_abi::{
+use ob1_cpu::NativeArg;
+use ob1_model::{BlockId, BlockKind, Event, FaultKind};
+use ob1_sdk::abi::{
     CallArg, CallContext, EXTENSION_SETTINGS, KIND_FB, KIND_FC, KIND_SFB, KIND_SFC, LOG_ERROR, LOG_INFO, ObInfo,
     Status, Text,
 };
-use ob1_cpu::NativeArg;
-use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 
 use super::edge::{BAD_ARGUMENT, NotOk, area, bytes, put, sized, with};
 use super::settings::SETTINGS;

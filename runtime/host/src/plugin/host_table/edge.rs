@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ob1_abi::{self as abi, CallContext, Status};
 use ob1_cpu::{Abort, NativeArea, Refused};
+use ob1_sdk::abi::{self as abi, CallContext, Status};
 
 use crate::plugin::frame::Frame;
 

@@ -15,7 +15,7 @@ mod params;
 mod settings;
 mod timers;
 
-use ob1_abi::{ABI_MAJOR, ABI_MINOR, HostTable};
+use ob1_sdk::abi::{ABI_MAJOR, ABI_MINOR, HostTable};
 
 /// What every plugin is given.
 pub(super) static HOST: HostTable = HostTable {

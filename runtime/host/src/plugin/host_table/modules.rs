@@ -2,8 +2,8 @@
 
 use std::ffi::c_void;
 
-use ob1_abi::{CallContext, ModuleInfo, Status};
 use ob1_cpu::Refused;
+use ob1_sdk::abi::{CallContext, ModuleInfo, Status};
 
 use super::edge::{bytes, bytes_mut, put, sized, with};
 

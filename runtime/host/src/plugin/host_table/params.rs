@@ -1,7 +1,7 @@
 //! Actual parameters, and the binary result.
 
-use ob1_abi::{CallContext, Status};
 use ob1_cpu::Refused;
+use ob1_sdk::abi::{CallContext, Status};
 
 use super::edge::{bytes, bytes_mut, put, with};
 

@@ -1,6 +1,6 @@
 //! Extension "settings": what the station file says about a module for its plugins.
 
-use ob1_abi::{CallContext, NO_MODULE, NO_SETTING, SettingsTable, Status, Text};
+use ob1_sdk::abi::{CallContext, NO_MODULE, NO_SETTING, SettingsTable, Status, Text};
 
 use super::edge::{BAD_ARGUMENT, NotOk, bytes_mut, put, with};
 use crate::plugin::frame::Frame;

@@ -1,7 +1,7 @@
 //! S5 timers and counters.
 
-use ob1_abi::{CallContext, Status, TimerInfo};
 use ob1_model::TimerKind;
+use ob1_sdk::abi::{CallContext, Status, TimerInfo};
 
 use super::edge::{BAD_ARGUMENT, put, sized, with};
 
