@@ -6,7 +6,7 @@ use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ob1_serial::record::{Kind, Record, VERSION, number_of};
+use ob1_serial::tap_record::{Kind, Record, VERSION, number_of};
 use ob1_serial::{Instant, LineInput};
 use ob1_socket::seqpacket::{Channel, Listener, Sent};
 use serde_json::Value;

@@ -3,14 +3,14 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod character_frame;
 mod rates;
-pub mod record;
-mod settings;
 mod signals;
+pub mod tap_record;
 mod wire;
 
+pub use character_frame::{Flow, LineSettings, Parity, StopBits};
 pub use ob1_time::{Instant, Span};
 pub use rates::FaultRates;
-pub use settings::{Flow, LineSettings, Parity, StopBits};
 pub use signals::{LineFault, ModemLines};
 pub use wire::{LineInput, Wire};

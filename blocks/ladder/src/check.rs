@@ -4,8 +4,8 @@ use ob1_ir::{Jump, Op};
 
 use crate::generate::{Made, generate};
 use crate::network::{Network, Statement};
+use crate::not_drawn::Reason;
 use crate::parse::{Mode, parse};
-use crate::reason::Reason;
 use crate::tree::Tree;
 
 /// The tree of a network, as STEP 7 would draw it; where it would not, as its statements can be drawn all the same.

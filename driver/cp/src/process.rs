@@ -9,7 +9,7 @@ use ob1_cp::{Change, CpPump, HEARTBEAT, Presence};
 use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_line::{ECHOES, LineEvent, PollFds, RealLine, SILENT};
 use ob1_process::doorbell_closed;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::time::{ClockId, clock_gettime};

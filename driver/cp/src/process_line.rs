@@ -5,7 +5,7 @@ use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 use ob1_line::RealLine;
 use ob1_process::tap::Tap;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;

@@ -7,7 +7,7 @@ use ob1_cp::CpType;
 use ob1_firmware::{CpEvent, Instant, LONG_BIT};
 use ob1_params::Protocol341;
 use ob1_process::tap::Tap;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use ob1_words::cp341_events;
 use serde_json::json;
 

@@ -15,10 +15,10 @@ use ob1_protocols::{Input, Instant, LineFault, LineInput, ModemLines, Order, Sen
 
 pub use ob1_words::cp040::IO_BYTES;
 
+use crate::choose_reason::{Reason, Waiting, Why};
 use crate::leds::{LedDriver, Leds};
 use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort};
 use crate::protocol::{Protocol, Setup};
-use crate::reason::{Reason, Waiting, Why};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
 use ob1_words::cp040::Area;

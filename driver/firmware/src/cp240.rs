@@ -30,12 +30,12 @@ use ob1_params::{Cp240 as Parameters, Interface, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, SendError, What};
 
+use crate::choose_reason::{Reason, Waiting, Why};
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
 use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort, StartReason};
 use crate::protocol::{Protocol, Setup};
-use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use modem::Modem;
 use ob1_words::cp240::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};

@@ -9,6 +9,7 @@
 //! The registers are described in `docs/cp240-registers.md` and `docs/cp040-registers.md`.
 #![forbid(unsafe_code)]
 
+mod choose_reason;
 mod cp;
 mod cp040;
 mod cp240;
@@ -19,9 +20,9 @@ mod modbus;
 mod port;
 mod printer;
 mod protocol;
-mod reason;
 mod ring;
 
+pub use choose_reason::{Troubles, Waiting};
 pub use cp::of;
 pub use cp040::{Cp040, IO_BYTES};
 pub use cp240::Cp240;
@@ -34,5 +35,4 @@ pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, t
 pub use ob1_words::cp240::Registers;
 pub use ob1_words::{Reason, Why};
 pub use port::{Counter, Cp, CpEvent, CpInput, CpPort, StartReason};
-pub use reason::{Troubles, Waiting};
 pub use ring::TELEGRAMS_MAX;

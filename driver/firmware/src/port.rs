@@ -7,9 +7,9 @@ use ob1_protocols::{Event, Instant, LineFault, LineInput, Phase, SendError, Span
 pub use ob1_words::Counter;
 use ob1_words::channels::{Channel, ChannelBlock};
 
+use crate::choose_reason::{Reason, Waiting};
 use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
-use crate::reason::{Reason, Waiting};
 
 /// A whole CP: handshakes, protocol, buffers, LEDs and diagnosis.
 pub trait Cp: Debug {

@@ -11,8 +11,8 @@ use ob1_protocols::{
     s3964, stx_etx,
 };
 
+use crate::choose_reason::{Reason, Why};
 use crate::modbus;
-use crate::reason::{Reason, Why};
 use ob1_words::cp240::Registers;
 
 /// How to build the machine of a parameter record.

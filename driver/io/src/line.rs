@@ -6,7 +6,7 @@ use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput, S
 use ob1_io::Master;
 use ob1_line::{ECHOES, Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine, SILENT};
 use ob1_process::tap::Tap;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use serde_json::json;
 use tracing::{info, warn};
 

@@ -13,9 +13,9 @@ use rustix::event::{PollFd, PollFlags};
 
 use crate::line::{Instant, LineEvent, LineFault, LineInput, PollFds};
 use crate::real::RealLine;
-use crate::settings::LineSettings;
 use crate::sim::{BusConfig, BusEvent, Frame, Participant, SimBus};
 use crate::spec::LineSpec;
+use crate::supported_frames::LineSettings;
 use crate::wire::{FromHub, ToHub};
 use ob1_socket::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 

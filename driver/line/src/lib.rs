@@ -16,9 +16,9 @@ mod line;
 mod link;
 mod parmrk;
 mod real;
-mod settings;
 pub mod sim;
 mod spec;
+mod supported_frames;
 mod sys;
 mod wire;
 
@@ -26,5 +26,5 @@ pub use line::{ECHOES, Instant, LineEvent, LineFault, LineInput, ModemLines, Pol
 pub use link::RETRY;
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};
 pub use real::RealLine;
-pub use settings::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};
 pub use spec::{LineSpec, SpecError};
+pub use supported_frames::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};

@@ -6,7 +6,7 @@ use rustix::event::{PollFd, PollFlags};
 
 pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span};
 
-use crate::settings::Warning;
+use crate::supported_frames::Warning;
 
 /// An event of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use crate::echo::{self, Echo};
 use crate::line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
 use crate::link::{self, Link, Opened, Passage, RETRY};
 use crate::parmrk::{Mark, ParmrkDecoder};
-use crate::settings::{Flow, LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
+use crate::supported_frames::{Flow, LineSettings, Parity, SettingsError, Warning, check};
 use crate::sys;
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),

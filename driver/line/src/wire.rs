@@ -12,7 +12,7 @@
 //! | `M` | hub | CTS, DSR, RI, DCD |
 
 use crate::line::ModemLines;
-use crate::settings::{LineSettings, Parity, StopBits};
+use crate::supported_frames::{LineSettings, Parity, StopBits};
 
 /// A message to the hub.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,21 +1,21 @@
 //! Conversion between the typed parameters and the rows of the table, in both directions.
 
 use crate::cp240::{Ascii, Cp240, Interface, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
+use crate::cp240_table::{CP240, Field, Layout};
 use crate::error::ParamError;
-use crate::record::{self, Record, Value};
-use crate::table::{CP240, Field, Layout};
+use crate::parameter_bytes::{self, Record, Value};
 use ob1_serial::{Flow, Parity, StopBits};
 
 impl Cp240 {
     /// The defaults of a protocol as printed in its table; `protocol` is a name of
-    /// [`PROTOCOLS`](crate::table::PROTOCOLS).
+    /// [`PROTOCOLS`](crate::cp240_table::PROTOCOLS).
     pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
         Self::from_keys([("protocol", Value::from(protocol))])
     }
 
     /// Reads the 16 bytes. Every code is checked; reserved bits are read over ([`ByteTables::reserved`] finds them).
     ///
-    /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
+    /// [`ByteTables::reserved`]: crate::cp240_table::ByteTables::reserved
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = CP240.check(bytes)?;
         Reader { bytes, layout, fields: layout.fields() }.read(name)
@@ -137,7 +137,7 @@ impl Reader<'_> {
         let field: Option<&Field> = self.fields.iter().find(|f| f.key == key);
         // A key that the layout does not have can only be a mistake in this file; the round-trip test checks all of
         // them.
-        field.map_or(Ok(Value::Int(0)), |field| record::value(self.bytes, field))
+        field.map_or(Ok(Value::Int(0)), |field| parameter_bytes::value(self.bytes, field))
     }
 
     fn int(&self, key: &str) -> Result<u32, ParamError> {

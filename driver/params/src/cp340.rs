@@ -57,8 +57,8 @@ pub(crate) fn default_zvz_ms(char_time: Span) -> i64 {
 mod tests {
     use crate::cp341::{Cp341, Protocol341};
     use crate::cp341_ascii::EndOf341;
-    use crate::kind::CpKind;
-    use crate::record::Value;
+    use crate::module_types::CpKind;
+    use crate::parameter_bytes::Value;
 
     fn cp(protocol: &str, keys: &[(&str, Value)]) -> Result<Cp341, String> {
         let keys = [("protocol", Value::from(protocol))].into_iter().chain(keys.iter().cloned());

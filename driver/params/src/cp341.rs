@@ -4,7 +4,7 @@
 //! station file and in the configuration of the driver.
 
 use crate::error::ParamError;
-use crate::record::{Value, each_once, nearest, protocol_of};
+use crate::parameter_bytes::{Value, each_once, nearest, protocol_of};
 use ob1_serial::{LineSettings, Span};
 
 use crate::cp240::Priority;
@@ -12,7 +12,7 @@ use crate::cp341_ascii::{self, AsciiOf341};
 use crate::cp341_modbus::{self, ModbusMaster32};
 use crate::keyed::{CHARACTER, CLEAR, Key341, Kind341, Protocols, Reader, baud, choice, error, line_of, written};
 use crate::keys_3964::{ATTEMPTS, qvz, zvz_of_3964};
-use crate::kind::CpKind;
+use crate::module_types::CpKind;
 use crate::printer::Printer;
 use crate::{cp340, printer};
 

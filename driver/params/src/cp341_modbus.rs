@@ -6,7 +6,7 @@
 
 use crate::error::ParamError;
 use crate::keyed::{Key341, Reader, choice, error, number};
-use crate::record::Value;
+use crate::parameter_bytes::Value;
 
 /// Its name as a value of `protocol`.
 pub(crate) const NAME: &str = "modbus-ascii-master-32";

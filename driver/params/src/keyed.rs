@@ -1,7 +1,7 @@
 //! Parameters that are keys: how a key is written, checked and read, and the rows that several protocols have.
 
 use crate::error::ParamError;
-use crate::record::{Value, nearest};
+use crate::parameter_bytes::{Value, nearest};
 use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
 /// How a key is written.

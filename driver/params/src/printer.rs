@@ -270,8 +270,8 @@ const IBM_850: [u8; 96] = [
 mod tests {
     use super::*;
     use crate::cp341::{Cp341, Protocol341};
-    use crate::kind::CpKind;
-    use crate::record::Value;
+    use crate::module_types::CpKind;
+    use crate::parameter_bytes::Value;
 
     fn printer(keys: &[(&str, Value)]) -> Result<Printer, String> {
         let keys: Vec<(&str, Value)> =

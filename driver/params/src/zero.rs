@@ -4,7 +4,7 @@
 //! A time that is watched on the line cannot be 0: there 0 stands for some character times, or for no watch. A CP 340
 //! and a CP 341 have lower limits above 0 for such times, and attempts from 1.
 
-use crate::kind::CpKind;
+use crate::module_types::CpKind;
 
 /// What the value 0 of a parameter means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,9 +61,9 @@ pub fn characters(kind: CpKind, key: &str) -> u64 {
 mod tests {
     use super::*;
     use crate::cp040::table::CP040;
+    use crate::cp240_table::{CP240, Kind};
     use crate::cp341::protocols_of;
     use crate::keyed::Kind341;
-    use crate::table::{CP240, Kind};
 
     /// Every time and every number of attempts that may be 0 has its row, and every row such a parameter.
     #[test]

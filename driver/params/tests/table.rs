@@ -1,6 +1,6 @@
 //! The parameter tables: every printed code and default, conversion between the two forms, and error texts.
 
-use ob1_params::table::{CP240, Kind, Layout, PROTOCOLS};
+use ob1_params::cp240_table::{CP240, Kind, Layout, PROTOCOLS};
 use ob1_params::{Cp240, Flow, ModbusKind, Parity, Priority, Protocol, StopBits, Value};
 use ob1_serial::Span;
 use proptest::prelude::*;

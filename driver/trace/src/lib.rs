@@ -1,4 +1,4 @@
-//! Reads the records of a line from the driver of a CP, or from the process of a bus (`ob1_serial::record`),
+//! Reads the records of a line from the driver of a CP, or from the process of a bus (`ob1_serial::tap_record`),
 //! with the protocol of the CP: for `ob1 trace` and for the web page.
 //!
 //! Pure: records in, units and words out; the callers have the sockets and clocks.
@@ -6,7 +6,7 @@
 use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
 use ob1_protocols::{MS, stx_etx};
-use ob1_serial::record::{Kind, Record, fault_of};
+use ob1_serial::tap_record::{Kind, Record, fault_of};
 use serde_json::Value;
 
 /// A CP whose line is read.

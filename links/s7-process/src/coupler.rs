@@ -13,7 +13,7 @@ use ob1_s7::server::Settings;
 use ob1_s7::tap::Tapped;
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::cp::{Cp, Network, Received, is_of};
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, ipproto, socket_with, sockopt};

@@ -11,7 +11,7 @@ use ob1_model::AlarmEvent;
 use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
 use ob1_s7::tap::Tapped;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 
 use crate::slots::Occupant;
 use crate::tap::Shared;

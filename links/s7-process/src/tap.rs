@@ -8,7 +8,7 @@ use std::time::{self, SystemTime};
 use ob1_process::tap;
 use ob1_s7::tap::Tapped;
 use ob1_serial::Instant;
-use ob1_serial::record::Kind;
+use ob1_serial::tap_record::Kind;
 use serde_json::json;
 
 /// Shared by all connections.

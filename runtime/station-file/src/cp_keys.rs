@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ob1_params::table::ByteTables;
+use ob1_params::cp240_table::ByteTables;
 use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value, zero};
 
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, PARAMETER, VALUE};

@@ -1,6 +1,6 @@
 //! Where a key belongs that is in the wrong table.
 
-use ob1_params::table::Layout;
+use ob1_params::cp240_table::Layout;
 use ob1_params::{CpKind, protocols_of};
 
 use super::link;

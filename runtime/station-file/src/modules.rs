@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::table::CP240;
+use ob1_params::cp240_table::CP240;
 use ob1_params::{Cp240, CpKind, Flow, Interface, Protocol};
 
 use super::building::Buses;

@@ -31,7 +31,7 @@ pub mod plugins;
 pub mod posture;
 pub mod program;
 pub mod program_facts;
-mod reason;
+mod reason_texts;
 mod recording;
 pub mod retentive;
 pub mod run;

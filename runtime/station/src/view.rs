@@ -24,7 +24,7 @@ use crate::engine::InUse;
 use crate::forced::Forces;
 use crate::io::Panel;
 use crate::program_facts::Known;
-use crate::reason;
+use crate::reason_texts;
 use crate::retentive::health::Health;
 use crate::wall_clock::unix_now;
 use ob1_station_file::{ModuleConfig, ModuleKind};
@@ -130,7 +130,7 @@ impl ModuleView {
         let counters = monitor.map(|monitor| {
             let counters = monitor.counters();
             let named = Counter::ALL.iter().map(|counter| (counter.name().to_owned(), counters.get(*counter)));
-            let ends = monitor.ends().map(|ends| (reason::end_counter(ends.number), ends.count));
+            let ends = monitor.ends().map(|ends| (reason_texts::end_counter(ends.number), ends.count));
             named.chain([(EVENTS_LOST.to_owned(), monitor.events_lost())]).chain(ends).collect()
         });
         ModuleStatus {
@@ -153,7 +153,7 @@ impl ModuleView {
 impl ModuleView {
     /// What a CP waits for, or what has failed; `now` by the clock of the runtime.
     pub(crate) fn reason(&self, now: Instant) -> Option<ReasonStatus> {
-        reason::of(self.cp?, self.monitor.as_ref()?, now)
+        reason_texts::of(self.cp?, self.monitor.as_ref()?, now)
     }
 }
 
@@ -232,8 +232,8 @@ impl StationView {
         let told = CpEntry { unix_ns, ..entry.into() };
         match u8::try_from(entry.number) {
             Ok(code) if !is_own => {
-                let (text, remedy) = reason::code(code);
-                let number = reason::number_text(entry.number);
+                let (text, remedy) = reason_texts::code(code);
+                let number = reason_texts::number_text(entry.number);
                 CpEntry { number, text: format!("order ended: {text}"), remedy: remedy.to_owned(), ..told }
             }
             _ => told,

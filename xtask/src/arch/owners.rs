@@ -25,7 +25,7 @@ const BOTH_SIDES: &[&str] = &[
 ];
 
 /// The table of module types.
-const KINDS: &str = "driver/params/src/kind.rs";
+const KINDS: &str = "driver/params/src/module_types.rs";
 
 /// Folders in which module types are checked. The name of a plugin may be that of its CP.
 const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn a_module_type_by_its_name_is_found() {
         let tree = Tree::of(&[
-            ("driver/params/src/kind.rs", "name: \"cp240\",\n"),
+            ("driver/params/src/module_types.rs", "name: \"cp240\",\n"),
             ("runtime/ob1/src/a.rs", "// \"cp341\"\nif view.type_name == \"cp341\" {}\n"),
             (
                 "runtime/station/src/b.rs",

@@ -96,7 +96,10 @@ impl Parser<'_> {
             let straight =
                 matches!(arm.logic.as_ref().map(|node| &node.kind), Some(Kind::Contact { negate: false, .. }));
             if straight && self.mode == Mode::Step7 && matches!(arm.ends.first(), Some(End::Coil(_))) {
-                return Err(crate::reason::Reason { statement: start + 1, what: "an arm to a coil without BLD 102" });
+                return Err(crate::not_drawn::Reason {
+                    statement: start + 1,
+                    what: "an arm to a coil without BLD 102",
+                });
             }
             arm
         };

@@ -30,7 +30,7 @@ impl Parser<'_> {
             }
             kind @ (Kind::Contact { .. } | Kind::Series { .. }) => Ok(Node { id, statements, kind }),
             _ if self.mode == Mode::Step7 => {
-                Err(crate::reason::Reason { statement: start, what: "a parallel without brackets" })
+                Err(crate::not_drawn::Reason { statement: start, what: "a parallel without brackets" })
             }
             kind => {
                 let items = vec![Node { id, statements: statements.clone(), kind }];

@@ -13,7 +13,7 @@ use std::ops::Range;
 use ob1_ir::{Jump, Number, Op, Place};
 
 use crate::network::{Network, Statement};
-use crate::reason::Reason;
+use crate::not_drawn::Reason;
 use crate::tree::{BoxNode, Input, Kind, Node, Rung, Tree};
 
 /// Brackets, branches and boxes within each other.

@@ -24,10 +24,10 @@ use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, AnswerError, Refusal};
 use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
+use crate::choose_reason::{Reason, Waiting, Why};
 use crate::leds::Leds;
 use crate::port::{Counter, Cp, CpEvent, CpInput, CpPort};
 use crate::protocol::signals_off;
-use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
 use model::Model;

@@ -12,9 +12,9 @@ use ob1_protocols::{
 
 use super::loadable;
 use super::model::{JOB_MAX, JOB_MAX_340};
+use crate::choose_reason::Reason;
 use crate::printer::Printer;
 use crate::protocol::{priority, stopped_by};
-use crate::reason::Reason;
 
 /// The protocol that the parameters have chosen, running.
 pub(crate) enum Protocol {

@@ -10,8 +10,8 @@ mod tcp_listener;
 use std::io;
 
 use crate::line::{Instant, ModemLines, PollFds, Span};
-use crate::settings::{LineSettings, Warning};
 use crate::spec::LineSpec;
+use crate::supported_frames::{LineSettings, Warning};
 
 /// Pause between two attempts to open a line. A TCP client doubles it up to 2 s.
 pub const RETRY: Span = Span::from_millis(500);

@@ -11,7 +11,7 @@ use serialport::{SerialPort, TTYPort};
 
 use super::{Link, Opened, Passage, not_a_wire};
 use crate::line::{Instant, PollFds};
-use crate::settings::{LineSettings, Warning};
+use crate::supported_frames::{LineSettings, Warning};
 
 /// A pty, open or closed.
 pub(crate) struct PtyLink {

@@ -14,7 +14,7 @@ use serialport::{ClearBuffer, DataBits, FlowControl, SerialPort, TTYPort};
 
 use super::{Link, Opened, Passage};
 use crate::line::{Instant, ModemLines, PollFds};
-use crate::settings::{Flow, LineSettings, Parity, StopBits, Warning};
+use crate::supported_frames::{Flow, LineSettings, Parity, StopBits, Warning};
 use crate::sys;
 
 /// An open or closed serial device.

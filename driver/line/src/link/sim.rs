@@ -9,7 +9,7 @@ use rustix::event::PollFlags;
 
 use super::{Link, Opened, Passage};
 use crate::line::{Instant, ModemLines, PollFds, Span};
-use crate::settings::{LineSettings, Warning};
+use crate::supported_frames::{LineSettings, Warning};
 use crate::wire::{FromHub, ToHub};
 use ob1_socket::seqpacket::{Channel, MESSAGE_MAX, Sent};
 

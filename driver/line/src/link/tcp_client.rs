@@ -11,7 +11,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, ipproto, sock
 
 use super::{Link, Opened, Passage, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds, Span};
-use crate::settings::{LineSettings, Warning};
+use crate::supported_frames::{LineSettings, Warning};
 
 /// How often to check for an answer of the name service.
 const LOOK: Span = Span::from_millis(20);

@@ -8,7 +8,7 @@ use rustix::event::PollFlags;
 
 use super::{Link, Opened, Passage, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds};
-use crate::settings::{LineSettings, Warning};
+use crate::supported_frames::{LineSettings, Warning};
 
 /// Callers refused at a time; the others wait.
 const CALLERS: usize = 16;

@@ -6,7 +6,7 @@ use std::io;
 use std::rc::Rc;
 
 use super::*;
-use crate::settings::Warning;
+use crate::supported_frames::Warning;
 
 const MS: Span = Span::MILLISECOND;
 /// Between what a program reads and what it writes.

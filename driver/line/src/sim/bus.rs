@@ -12,7 +12,7 @@ use ob1_serial::LineInput;
 use super::faults::Fate;
 use super::{FaultRates, SplitMix64};
 use crate::line::{Instant, LineFault, ModemLines, Span};
-use crate::settings::{LineSettings, Parity};
+use crate::supported_frames::{LineSettings, Parity};
 
 /// Number of a participant, in the order in which they joined.
 pub type Participant = usize;

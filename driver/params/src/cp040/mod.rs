@@ -7,9 +7,9 @@ pub mod table;
 
 use crate::convert::Reader;
 use crate::cp240::{Cp240, Protocol};
+use crate::cp240_table::Layout;
 use crate::error::ParamError;
-use crate::record::{self, Value};
-use crate::table::Layout;
+use crate::parameter_bytes::{self, Value};
 use ob1_serial::{Flow, LineSettings};
 use table::CP040;
 
@@ -70,7 +70,7 @@ impl Cp040 {
 
     /// Reads the 16 bytes. Every code is checked; reserved bits are read over ([`ByteTables::reserved`] finds them).
     ///
-    /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
+    /// [`ByteTables::reserved`]: crate::cp240_table::ByteTables::reserved
     ///
     /// # Errors
     /// [`ParamError`]: the first code that the tables do not have, with its byte.
@@ -121,7 +121,8 @@ impl Cp040 {
     fn read(bytes: &[u8; 16], name: &str, layout: Layout) -> Result<Self, ParamError> {
         let fields = table::fields(layout);
         let common = Reader { bytes, layout, fields }.read(name)?;
-        let code = |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| record::code(bytes, f));
+        let code =
+            |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| parameter_bytes::code(bytes, f));
         let duplex = if code("duplex") == 1 { Duplex::Full } else { Duplex::Half };
         let preset = match code("preset") {
             1 => Preset::Break,

@@ -1,7 +1,7 @@
 //! The parameter tables of the CP 040 manual, as data. Record set 80h: BAUD, PROTOCOL and OPTION3 to OPTION16 are bytes
 //! 0 to 15; OPTION n is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
 
-use crate::table::{
+use crate::cp240_table::{
     self, BYTE, ByteTables, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, MASTER_ADDRESS, MASTER_WAIT, PARITY_ROW,
     SLAVE_ADDRESS, SLAVE_WAIT, STOP_BITS_ROW, TICKS, bits, whole,
 };
@@ -12,11 +12,11 @@ pub const CP040: ByteTables = ByteTables { protocols: &PROTOCOLS, fields };
 /// Protocol codes (byte 1). 01h, 02h and 0Bh are printed in the manual; the others are those of the CP 240 (ours), of
 /// which RK 512, ASCII-fragmented, EnOcean and M-Bus are missing.
 const PROTOCOLS: [(&str, u8, Layout); 10] = {
-    let mut own = [table::PROTOCOLS[0]; 10];
+    let mut own = [cp240_table::PROTOCOLS[0]; 10];
     let (mut n, mut row) = (0, 0);
-    while row < table::PROTOCOLS.len() {
-        if !matches!(table::PROTOCOLS[row].1, 0x05 | 0x06 | 0x11 | 0xE0 | 0xF0) {
-            own[n] = table::PROTOCOLS[row];
+    while row < cp240_table::PROTOCOLS.len() {
+        if !matches!(cp240_table::PROTOCOLS[row].1, 0x05 | 0x06 | 0x11 | 0xE0 | 0xF0) {
+            own[n] = cp240_table::PROTOCOLS[row];
             n += 1;
         }
         row += 1;
@@ -25,9 +25,9 @@ const PROTOCOLS: [(&str, u8, Layout); 10] = {
 };
 
 /// Baud rates, for every protocol: those of the CP 240, and one more. [S3 L343]
-const RATES: [(&str, u8); table::RATES.len() + 1] = {
-    let mut all = [("109700", 0x10); table::RATES.len() + 1];
-    all.split_at_mut(table::RATES.len()).0.copy_from_slice(&table::RATES);
+const RATES: [(&str, u8); cp240_table::RATES.len() + 1] = {
+    let mut all = [("109700", 0x10); cp240_table::RATES.len() + 1];
+    all.split_at_mut(cp240_table::RATES.len()).0.copy_from_slice(&cp240_table::RATES);
     all
 };
 

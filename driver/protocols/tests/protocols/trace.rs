@@ -4,7 +4,7 @@ use ob1_protocols::modbus::Mode;
 use ob1_protocols::profibus::Diagnosis;
 use ob1_protocols::trace::{Dialect, Reader, Unit, Way};
 use ob1_protocols::{Instant, LineFault, MS, Span, stx_etx};
-use ob1_serial::record::{HEAD, Kind, Record};
+use ob1_serial::tap_record::{HEAD, Kind, Record};
 use proptest::prelude::*;
 
 const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: Span::from_millis(200) };

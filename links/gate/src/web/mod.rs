@@ -8,12 +8,12 @@ mod insight;
 mod io;
 mod ladder;
 mod program;
-mod reason;
 mod sessions;
 mod stack;
 mod stream;
 mod tables;
 mod taps;
+mod why;
 
 use std::future::Future;
 use std::pin::Pin;

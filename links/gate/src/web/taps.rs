@@ -9,7 +9,7 @@ use std::time::{self, Duration};
 use ob1_access::door::Document;
 use ob1_protocols::Instant;
 use ob1_protocols::trace::{Unit, Way};
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use ob1_trace::{Cp, remark, shown};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};

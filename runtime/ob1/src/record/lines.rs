@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ob1_protocols::trace::{Meaning, Unit, Way};
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use ob1_time::{Instant, Span};
 use ob1_trace::{Cp, OrderStep, order_step, remark, shown};
 

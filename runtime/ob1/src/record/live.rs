@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ob1_record::{Entry, FormatError, Order, Reader};
-use ob1_serial::record::Record;
+use ob1_serial::tap_record::Record;
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::Op;
 use ob1_station::run::signals::Signals;

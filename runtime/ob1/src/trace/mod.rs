@@ -11,7 +11,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ob1_serial::record::Record;
+use ob1_serial::tap_record::Record;
 use ob1_time::Span;
 
 use crate::exit::Exit;

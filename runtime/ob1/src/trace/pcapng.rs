@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use ob1_protocols::trace::{Dialect, Meaning, Unit, Way};
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use ob1_trace::Cp;
 
 use super::s7::Link;

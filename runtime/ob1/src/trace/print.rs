@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use ob1_protocols::Instant;
 use ob1_protocols::trace::{Unit, Way};
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use ob1_stl::printable;
 use ob1_trace::{Cp, remark, shown};
 

@@ -1,9 +1,9 @@
-//! Recordings: records of CPs one after the other in a file. The format is `ob1_serial::record`'s, with the
+//! Recordings: records of CPs one after the other in a file. The format is `ob1_serial::tap_record`'s, with the
 //! number of the CP (1 byte) between the length of a record and the record.
 
 use std::io::{self, Write};
 
-use ob1_serial::record::{MAGIC, Record, VERSION};
+use ob1_serial::tap_record::{MAGIC, Record, VERSION};
 
 /// Why a file is no recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -89,7 +89,7 @@ fn take<'a>(rest: &mut &'a [u8]) -> Option<(u8, Record<'a>)> {
 mod tests {
     use super::*;
     use ob1_protocols::Instant;
-    use ob1_serial::record::Kind;
+    use ob1_serial::tap_record::Kind;
 
     #[test]
     fn a_recording_is_read_back_and_damage_is_told() {

@@ -8,7 +8,7 @@ use ob1_s7::codes::Code;
 use ob1_s7::iso::ISO_PORT;
 use ob1_s7::tap::Tapped;
 use ob1_s7::wire::{Kind as Telegram, Pdu, UserData, function};
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use serde_json::Value;
 
 /// Bytes of a telegram's TPKT head.

@@ -7,7 +7,7 @@ use std::time::{self, Duration};
 
 use ob1_params::CpKind;
 use ob1_protocols::Instant;
-use ob1_serial::record::Record;
+use ob1_serial::tap_record::Record;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_command::trace::{Pcapng, Printer, Recorder, read};
 use ob1_protocols::Instant;
-use ob1_serial::record::{Kind, Record};
+use ob1_serial::tap_record::{Kind, Record};
 use serde_json::json;
 
 fn scripts() -> Vec<PathBuf> {

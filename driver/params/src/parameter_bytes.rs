@@ -1,7 +1,7 @@
-//! Reads and writes values of the station file in the 16 bytes, row by row of the [`table`](crate::table).
+//! Reads and writes values of the station file in the 16 bytes, row by row of the [`table`](crate::cp240_table).
 
+use crate::cp240_table::{ByteTables, Field, Kind, Layout, TICK_MS};
 use crate::error::ParamError;
-use crate::table::{ByteTables, Field, Kind, Layout, TICK_MS};
 use std::fmt;
 
 /// A parameter as in the station file.
