@@ -79,10 +79,6 @@ fn main() -> Result<(), String> {
             image.len(),
             image.len() as f64 / statements as f64
         );
-        let began = cpu_time();
-        let bytes = compiler.yardstick(plan).map_err(|e| e.to_string())?;
-        let bare = (cpu_time() - began) * 1e3;
-        println!("  bare Cranelift: {bare:.0} ms, {bytes} bytes; {:.2} times as long", ms / bare);
         match args.get(1).and_then(|index| index.parse::<u32>().ok()) {
             None => kinds(&compiler, plan)?,
             Some(block) => {

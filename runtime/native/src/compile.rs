@@ -39,7 +39,7 @@ pub enum Target {
 
 /// Compiles blocks for one processor.
 pub struct Compiler {
-    pub(crate) isa: OwnedTargetIsa,
+    isa: OwnedTargetIsa,
     target: Target,
     tier: Tier,
 }
@@ -84,6 +84,12 @@ impl Compiler {
     /// There is no code for it.
     pub fn new(target: Target, tier: Tier) -> Result<Self, CompileError> {
         Ok(Self { isa: isa_of(target, tier, cfg!(debug_assertions))?, target, tier })
+    }
+
+    /// Processor and settings, for who measures a translator beside this one.
+    #[must_use]
+    pub fn isa(&self) -> &dyn isa::TargetIsa {
+        &*self.isa
     }
 
     /// The code of all blocks of a plan. A block that has none is run by the reference.

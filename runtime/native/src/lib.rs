@@ -22,8 +22,6 @@ mod tier;
 mod translate;
 mod unsaved;
 mod watched;
-#[cfg(feature = "yardstick")]
-mod yardstick;
 
 pub use code::{memory_file, seal};
 pub use compile::{CompileError, Compiler, Listing, Target};

@@ -6,6 +6,7 @@
 pub mod access;
 pub mod alarms;
 pub mod backplane;
+mod bare;
 pub mod causes;
 pub mod compile;
 pub mod counts;

@@ -35,7 +35,6 @@ use crate::image::{Made, Resume};
 use crate::inline::{self, Reference};
 use crate::run::Run;
 use crate::tier::Tier;
-pub(crate) use arithmetic::condition;
 use builder::Builder;
 use state::{Bit, Data, State, Vars};
 

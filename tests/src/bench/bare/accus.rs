@@ -1,9 +1,7 @@
-//! The statements of the yardstick that work on the accumulators.
+//! The statements that work on the accumulators.
 
 use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
 use ob1_ir::{AccuOp, Compare, NumberFormat, WordLogic};
-
-use crate::translate::condition;
 
 use super::{A1, A2, Bare, CC0, CC1, OS, OV};
 
@@ -102,5 +100,17 @@ impl Bare<'_, '_> {
         self.codes(x, y);
         self.clear(&[OV]);
         self.result(result);
+    }
+}
+
+/// A comparison of signed numbers, in Cranelift's words.
+fn condition(compare: Compare) -> IntCC {
+    match compare {
+        Compare::Equal => IntCC::Equal,
+        Compare::NotEqual => IntCC::NotEqual,
+        Compare::Greater => IntCC::SignedGreaterThan,
+        Compare::Less => IntCC::SignedLessThan,
+        Compare::GreaterEqual => IntCC::SignedGreaterThanOrEqual,
+        Compare::LessEqual => IntCC::SignedLessThanOrEqual,
     }
 }

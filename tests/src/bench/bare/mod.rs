@@ -1,4 +1,4 @@
-//! A yardstick for the compiler: the same statements as a bare translator built on Cranelift would make them.
+//! What the compiler is measured beside: the same statements as a bare translator built on Cranelift would make them.
 //!
 //! Each block is one function, each place of a jump a block of it. Accumulators and all status bits are variables of
 //! the front end. They are read from a struct where the function begins and after each call, and written there before
@@ -13,16 +13,15 @@ use std::mem::offset_of;
 
 use cranelift_codegen::control::ControlPlane;
 use cranelift_codegen::ir::{
-    self, Function, InstBuilder, MemFlagsData, Type, UserFuncName, Value, condcodes::IntCC, types,
+    self, AbiParam, Function, InstBuilder, MemFlagsData, Signature, Type, UserFuncName, Value, condcodes::IntCC, types,
 };
+use cranelift_codegen::isa::CallConv;
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext, Variable};
 use ob1_cpu::engine::{Plan, Timer};
 use ob1_ir::{BitTest, Jump, Logic, Number, Op, Place, StatusBit, Stmt};
 use ob1_model::Area;
 
-use crate::compile::{CompileError, Compiler};
-use crate::signature::{block_signature, helper_signature};
-use crate::{flow, place};
+use ob1_native::Compiler;
 
 /// Registers: the accumulators, and a byte for each bit of the status word but FC.
 const REGISTERS: [Type; 10] = {
@@ -54,27 +53,46 @@ const fn place_of(register: usize) -> i32 {
     (if register < RLO { register * 4 } else { register + 6 }) as i32
 }
 
-impl Compiler {
-    /// Compiles the statements of a plan bare: bytes of machine code.
-    ///
-    /// # Errors
-    /// Cranelift refuses a function.
-    pub fn yardstick(&self, plan: &Plan) -> Result<usize, CompileError> {
-        let mut context = cranelift_codegen::Context::new();
-        let mut frontend = FunctionBuilderContext::new();
-        let mut bytes = 0;
-        for (index, block) in plan.blocks.iter().enumerate() {
-            context.clear();
-            let signature = block_signature(self.isa.default_call_conv());
-            context.func = Function::with_name_signature(UserFuncName::user(0, index as u32), signature);
-            bare(plan, &block.stmts, &mut context.func, &mut frontend, self.isa.frontend_config());
-            let compiled = context
-                .compile(&*self.isa, &mut ControlPlane::default())
-                .map_err(|error| CompileError(format!("{:?}", error.inner)))?;
-            bytes += compiled.buffer.data().len();
-        }
-        Ok(bytes)
+/// Compiles the statements of a plan bare, for the processor and with the settings of a compiler: bytes of machine
+/// code.
+pub(super) fn compile(compiler: &Compiler, plan: &Plan) -> Result<usize, String> {
+    let isa = compiler.isa();
+    let mut context = cranelift_codegen::Context::new();
+    let mut frontend = FunctionBuilderContext::new();
+    let mut bytes = 0;
+    for (index, block) in plan.blocks.iter().enumerate() {
+        context.clear();
+        let signature = signature(isa.default_call_conv(), &[types::I64]);
+        context.func = Function::with_name_signature(UserFuncName::user(0, index as u32), signature);
+        bare(plan, &block.stmts, &mut context.func, &mut frontend, isa.frontend_config());
+        let compiled =
+            context.compile(isa, &mut ControlPlane::default()).map_err(|error| format!("{:?}", error.inner))?;
+        bytes += compiled.buffer.data().len();
     }
+    Ok(bytes)
+}
+
+/// Functions with these parameters: the struct, and of a helper two numbers. They give a number.
+fn signature(convention: CallConv, parameters: &[Type]) -> Signature {
+    let mut signature = Signature::new(convention);
+    signature.params = parameters.iter().map(|ty| AbiParam::new(*ty)).collect();
+    signature.returns = vec![AbiParam::new(types::I32)];
+    signature
+}
+
+/// For each statement (and the end) whether a jump leads there.
+fn targets(stmts: &[Stmt]) -> Vec<bool> {
+    let mut marks = vec![false; stmts.len() + 1];
+    for stmt in stmts {
+        match &stmt.op {
+            Op::Jump(_, to) | Op::Loop(to) => marks[*to as usize] = true,
+            Op::JumpList { targets, otherwise } => {
+                targets.iter().chain([otherwise]).for_each(|to| marks[*to as usize] = true);
+            }
+            _ => {}
+        }
+    }
+    marks
 }
 
 /// The function of one block.
@@ -103,7 +121,7 @@ fn bare(
     target: cranelift_codegen::isa::TargetFrontendConfig,
 ) {
     let mut b = FunctionBuilder::new(func, frontend);
-    let helper = b.import_signature(helper_signature(target.default_call_conv));
+    let helper = b.import_signature(signature(target.default_call_conv, &[types::I64, types::I32, types::I32]));
     let entry = b.create_block();
     b.append_block_params_for_function_params(entry);
     b.switch_to_block(entry);
@@ -112,7 +130,7 @@ fn bare(
     let arena = b.ins().load(types::I64, FLAGS, run, ARENA);
     let mut bare = Bare { b, plan, run, arena, helper, vars, brackets: Vec::new(), first: true, or: false };
     bare.fetch();
-    let marks = flow::targets(stmts);
+    let marks = targets(stmts);
     let starts: Vec<_> = marks.iter().map(|mark| mark.then(|| bare.b.create_block())).collect();
     let mut open = true;
     for (pc, stmt) in stmts.iter().enumerate() {
@@ -220,10 +238,18 @@ impl Bare<'_, '_> {
             Place::Fixed(Area::Local, _) => self.b.ins().load(types::I64, FLAGS, self.run, LOCAL),
             _ => self.arena,
         };
-        let first = match (*at, place::class(at, bits, self.plan)) {
-            (Place::InDb(n, _) | Place::InDi(n, _), _) => place::data(self.plan, n).map_or(0, |db| db.at.0 + bit / 8),
-            (_, place::Class::Fixed(Some(byte))) => byte,
-            _ => bit / 8,
+        let (areas, data) = (&self.plan.areas, &self.plan.data);
+        let area = match *at {
+            Place::Fixed(Area::Input, _) => Some(areas.inputs),
+            Place::Fixed(Area::Output, _) => Some(areas.outputs),
+            Place::Fixed(Area::Memory, _) => Some(areas.memory),
+            _ => None,
+        };
+        let first = match *at {
+            Place::InDb(n, _) | Place::InDi(n, _) => {
+                data.iter().find(|db| db.number == n).map_or(0, |db| db.at.0 + bit / 8)
+            }
+            _ => area.and_then(|area| area.locate(bit / 8, bits.div_ceil(8))).map_or(bit / 8, |byte| byte.0),
         };
         (base, first as i32, distance)
     }
