@@ -17,7 +17,7 @@ use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, observe};
 use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, taken_of, translated};
-use crate::exit::{DiffExit, ImportExit};
+use crate::exit::{DiffExit, ImportExit, told};
 
 /// The types of blocks a program is made of.
 const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
@@ -71,10 +71,7 @@ pub struct CompareArgs {
 
 /// Uploads; prints what there is to print.
 pub fn upload(args: &UploadArgs) -> ImportExit {
-    run(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        ImportExit::Nothing
-    })
+    told(run(args), |_| ImportExit::Nothing)
 }
 
 fn run(args: &UploadArgs) -> Result<ImportExit, String> {
@@ -251,10 +248,7 @@ fn keep(out: &Path, blocks: &Blocks) -> Result<Vec<String>, String> {
 
 /// Compares; prints what there is to print.
 pub fn compare(args: &CompareArgs) -> DiffExit {
-    held_against(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        DiffExit::Nothing
-    })
+    told(held_against(args), |_| DiffExit::Nothing)
 }
 
 fn held_against(args: &CompareArgs) -> Result<DiffExit, String> {

@@ -18,7 +18,7 @@ use ob1_stl::print::{Listing, Printer};
 use serde_json::json;
 
 use crate::diff::Side;
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::import::Unit;
 use crate::language::Language;
 
@@ -95,13 +95,7 @@ pub enum Names {
 
 /// Shows; prints what there is to print.
 pub fn show(args: &ShowArgs) -> Exit {
-    match run(args) {
-        Ok(()) => Exit::Ok,
-        Err(why) => {
-            err!("ob1: {why}");
-            Exit::Usage
-        }
-    }
+    told(run(args).map(|()| Exit::Ok), |_| Exit::Usage)
 }
 
 /// A program with what its networks are shown by.
