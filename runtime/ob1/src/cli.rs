@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::exit::{self, Exit, told};
+use crate::exit::{self, Exit, TestExit, told};
 use crate::{
     alarms, bus, check, ctl, debug, diag, diff, driver, exec, force, import, list, load, new, print, record, remote,
     restart, roll, shadow, show, soak, status, testing, top, trace, why, xref,
@@ -205,8 +205,8 @@ impl Command {
     fn run(self) -> ExitCode {
         let exit = match self {
             Command::Exec(args) => return exec::exec(&args).into(),
-            Command::Test(args) => return testing::test(&args).into(),
-            Command::Driver(args) => return driver::driver(&args).into(),
+            Command::Test(args) => return told(testing::test(&args), |_| TestExit::Unusable).into(),
+            Command::Driver(args) => return told(driver::driver(&args), |_| TestExit::Unusable).into(),
             Command::Import(args) => return import::import(&args).into(),
             Command::Upload(args) => return import::upload(&args).into(),
             Command::Download(args) => return import::download(&args).into(),

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::ctl::last_stop;
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::remote::print_json;
 use crate::units::time;
 use ob1_station::access::client::Client;
@@ -184,13 +184,9 @@ fn write_targets(all: &[Listed], file: &std::path::Path, host: Option<&str>) -> 
         says!("{text}");
         return Exit::Ok;
     }
-    match ob1_process::files::replace(file, text.as_bytes()) {
-        Ok(()) => Exit::Ok,
-        Err(error) => {
-            err!("ob1: {}: {error}\n  = name a file in a folder that this user may write", file.display());
-            Exit::System
-        }
-    }
+    let written = ob1_process::files::replace(file, text.as_bytes());
+    let remedy = "name a file in a folder that this user may write";
+    told(written.map(|()| Exit::Ok).map_err(|why| format!("{}: {why}\n  = {remedy}", file.display())), |_| Exit::System)
 }
 
 /// One entry a link. Which version and program run is told by the figures themselves: labels of a target are for what

@@ -110,11 +110,7 @@ impl Paper<'_> {
     }
 
     fn form(&self, block: &CodeBlock) -> Form {
-        match (self.args.lad, self.args.fbd) {
-            (true, _) => Form::Ladder,
-            (_, true) => Form::Plan,
-            _ => self.shown.form(block.id),
-        }
+        self.shown.form(block.id, (self.args.lad, self.args.fbd))
     }
 
     fn document(&self) -> String {

@@ -148,9 +148,7 @@ impl ModuleView {
             reason: self.reason(now),
         }
     }
-}
 
-impl ModuleView {
     /// What a CP waits for, or what has failed; `now` by the clock of the runtime.
     pub(crate) fn reason(&self, now: Instant) -> Option<ReasonStatus> {
         reason::of(self.cp?, self.monitor.as_ref()?, now)

@@ -141,12 +141,11 @@ fn old_names(
     folder: &mut Folder,
     notes: &mut Notes,
 ) -> Result<(CodePage, Vec<SymbolRow>), String> {
-    let taken = taken_of(path, program)?;
-    let names = folder.take_names(&taken.taken.folder);
+    let (old, mut rows) = taken_of(path, program)?;
+    let names = folder.take_names(&old.folder);
     let (all, with) = (folder.blocks.keys().filter(|id| !id.kind.is_system()).count(), names.taken.len());
-    notes.push(Note::info("names", format!("{with} of {all} blocks have the names of {}", taken.taken.title)));
+    notes.push(Note::info("names", format!("{with} of {all} blocks have the names of {}", old.title)));
     notes.extend(names.notes);
-    let mut rows = taken.rows;
     let here = |id: BlockId| names.taken.iter().find(|(_, old)| **old == id).map(|(here, _)| *here);
     rows.retain_mut(|row| {
         // A block that the project numbers otherwise, or that is another one here.
@@ -161,7 +160,7 @@ fn old_names(
         }
         true
     });
-    Ok((taken.taken.project.page, rows))
+    Ok((old.project.page, rows))
 }
 
 /// The code page of the texts in uploaded blocks.

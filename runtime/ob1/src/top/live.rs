@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 
 use super::data::Data;
-use super::keys::{Act, Key, Keys, Tab};
+use super::keys::{Act, Keys, Tab};
 use super::source::Source;
 use super::watch::Watched;
 use super::{TopArgs, TopError, plain, screen};
@@ -108,21 +108,12 @@ fn watch_keys(
     }
 }
 
-/// A key that means something here.
-fn key(event: &Event) -> Option<Key> {
+/// A key that is pressed. Control-C is the end, too.
+fn key(event: &Event) -> Option<KeyCode> {
     let Event::Key(key) = event else { return None };
     if key.kind == KeyEventKind::Release {
         return None;
     }
-    Some(match key.code {
-        KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Key::Char('q'),
-        KeyCode::Char(c) => Key::Char(c),
-        KeyCode::Enter => Key::Enter,
-        KeyCode::Esc => Key::Escape,
-        KeyCode::Backspace => Key::Backspace,
-        KeyCode::Tab => Key::Tab,
-        KeyCode::Up => Key::Up,
-        KeyCode::Down => Key::Down,
-        _ => return None,
-    })
+    let is_end = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+    Some(if is_end { KeyCode::Char('q') } else { key.code })
 }
