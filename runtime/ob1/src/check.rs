@@ -401,8 +401,7 @@ fn describe(station: &Station) -> String {
                 {
                     let _ = writeln!(text, "  interface = \"{}\"", params.interface.name());
                 }
-                let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-                let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
+                let _ = writeln!(text, "  raw = \"{}\"", crate::units::hex(bytes.as_slice()));
                 let _ = writeln!(text, "  params = {{ {} }}", written(&keys));
             }
             ModuleKind::Ethernet { .. } => {

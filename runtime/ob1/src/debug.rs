@@ -244,7 +244,6 @@ pub(crate) fn stack(status: &DebugStatus) {
 
 pub(crate) fn local(status: &DebugStatus) {
     for (row, bytes) in status.local.chunks(16).enumerate() {
-        let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-        say!("  L {:3}  {}", row * 16, digits.join(" "));
+        say!("  L {:3}  {}", row * 16, crate::units::hex(bytes));
     }
 }

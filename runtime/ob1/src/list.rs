@@ -135,18 +135,9 @@ fn ask(mut client: Client) -> Option<Listed> {
 fn print(all: &[Listed]) {
     let width = all.iter().map(|one| one.name.chars().count()).max().unwrap_or(0).max(7);
     if !all.is_empty() {
-        say!(
-            "{:<width$}  {:<8}{:>10}{:>10}{:>12}{:>8}{:>8}  {:<9}{:<10}process, seconds",
-            "station",
-            "state",
-            "cycle",
-            "wake p99",
-            "scans",
-            "late",
-            "missed",
-            "version",
-            "program"
-        );
+        const HEAD: &str =
+            "state        cycle  wake p99       scans    late  missed  version  program   process, seconds";
+        say!("{:<width$}  {HEAD}", "station");
     }
     for one in all {
         let (Some(pid), Some(seconds)) = (one.pid, one.running_s) else {

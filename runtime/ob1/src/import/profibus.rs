@@ -213,8 +213,7 @@ impl Slaves {
             let _ = writeln!(text, "diagnostic = {diagnostic}");
         }
         if !slave.parameters.is_empty() {
-            let bytes: Vec<String> = slave.parameters.iter().map(|byte| format!("{byte:02X}")).collect();
-            let _ = writeln!(text, "raw = \"{}\"", bytes.join(" "));
+            let _ = writeln!(text, "raw = \"{}\"", crate::units::hex(&slave.parameters));
         }
         text.push_str("slots = [\n");
         for (slot, number) in made.slots.iter().zip(1..) {

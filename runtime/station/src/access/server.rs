@@ -158,7 +158,11 @@ impl Serving {
         match op {
             Op::Get { items } => {
                 let all = items.is_empty();
-                let items = if all { symbols(&known) } else { typed(&known, &items)? };
+                // Without names all symbols that have a value.
+                let items: Vec<(Typed, Piece)> = match all {
+                    true => known.names.symbols().iter().filter_map(|s| typed(&known, &s.name).ok()).collect(),
+                    false => items.iter().map(|name| typed(&known, name)).collect::<Result<_, _>>()?,
+                };
                 let wanted = items.iter().map(|(_, piece)| *piece).collect();
                 let items = items.into_iter().map(|(typed, _)| typed).collect();
                 return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values { items, all }));
@@ -340,24 +344,11 @@ fn forced(known: &KnownProgram, name: &str, value: &Value) -> Result<Forced, Str
     Ok(Forced { area, bit: item.cell.bit(), width: item.width, value: value::from_json(&item, value)? })
 }
 
-/// Places by their names, each with what is read for it.
-fn typed(known: &KnownProgram, names: &[String]) -> Result<Vec<(Typed, Piece)>, String> {
-    let one = |name: &String| {
-        let typed = known.names.typed(name)?;
-        let piece = typed.piece();
-        piece.map(|piece| (typed, piece)).ok_or_else(|| format!("{name} is a structure, which is not a single value"))
-    };
-    names.iter().map(one).collect()
-}
-
-/// All symbols that have a value.
-fn symbols(known: &KnownProgram) -> Vec<(Typed, Piece)> {
-    let one = |symbol: &ob1_ir::Symbol| {
-        let typed = known.names.typed(&symbol.name).ok()?;
-        let piece = typed.piece()?;
-        Some((typed, piece))
-    };
-    known.names.symbols().iter().filter_map(one).collect()
+/// A place by its name, with what is read for it.
+fn typed(known: &KnownProgram, name: &str) -> Result<(Typed, Piece), String> {
+    let typed = known.names.typed(name)?;
+    let piece = typed.piece();
+    piece.map(|piece| (typed, piece)).ok_or_else(|| format!("{name} is a structure, which is not a single value"))
 }
 
 fn cell_value(typed: &Typed, value: Result<Box<[u8]>, Refusal>) -> Result<CellValue, String> {
