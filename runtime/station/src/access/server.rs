@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ob1_access::alarms::{acknowledging, standing};
-use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
+use ob1_access::door::{Answer, Ask, Command, Document, Door, Refusal};
 use ob1_access::{Item, Piece, Typed, value};
 use ob1_cpu::Family;
 use ob1_model::{ALARM_ORDERS, AlarmOrder, AlarmQuery, Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
@@ -19,11 +19,11 @@ use serde_json::Value;
 
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
-use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
+use super::protocol::{CellValue, LINE_BYTES, Op, Request, Response};
 use super::{debug, pass, why};
 use crate::bus_view::BusView;
 use crate::program_facts::KnownProgram;
-use crate::view::{StationView, event_number};
+use crate::view::StationView;
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Span = Span::from_secs(3);
@@ -296,25 +296,12 @@ impl Serving {
             }
             (Then::Diagnostics(count), Outcome::Answer(answer)) => {
                 let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };
-                response.diagnostics = Some(entries.into_iter().map(|entry| self.diagnostic(entry)).collect());
+                response.diagnostics = Some(entries.into_iter().map(|entry| self.view.diagnostic(entry)).collect());
                 response.cps = Some(self.view.buffers(count));
             }
             _ => return Err("no answer".into()),
         }
         Ok(response)
-    }
-
-    fn diagnostic(&self, entry: Diagnosis) -> Diagnostic {
-        Diagnostic {
-            number: entry.number,
-            time_ns: entry.time,
-            unix_ns: self.view.unix_at(Instant::from_nanos(entry.time)),
-            event: event_number(entry.event),
-            text: entry.text,
-            place: entry.place,
-            because: entry.because,
-            remedy: entry.remedy,
-        }
     }
 }
 
