@@ -195,9 +195,7 @@ impl Broker {
     fn tell_changes(&mut self) {
         while let Some((number, outcome)) = self.facts.changed() {
             let Some(asker) = self.changes.remove(&number) else { continue };
-            if let Some(client) = self.joints.get_mut(asker.link).and_then(|joint| joint.clients.known(asker.client)) {
-                client.out = client.out.saturating_sub(1);
-            }
+            self.uncount(asker);
             self.answer(asker, outcome.map_or_else(Answer::Refused, |()| Answer::Done));
         }
     }

@@ -52,7 +52,7 @@ impl Job {
 }
 
 /// A client of a link: its right, and its jobs in their order.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Client {
     pub(crate) right: Right,
     jobs: VecDeque<Job>,
@@ -81,14 +81,7 @@ impl Clients {
         if self.list.len() >= CLIENTS && !self.list.contains_key(&number) {
             return None;
         }
-        let new = || Client {
-            right: config.rights,
-            jobs: VecDeque::new(),
-            out: 0,
-            armed: 0,
-            partner: String::new(),
-            staged: Vec::new(),
-        };
+        let new = || Client { right: config.rights, ..Client::default() };
         Some(self.list.entry(number).or_insert_with(new))
     }
 

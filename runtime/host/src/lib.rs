@@ -6,6 +6,7 @@
 
 pub mod bus;
 pub mod driver;
+mod line;
 pub mod module;
 pub mod plugin;
 pub mod supervisor;

@@ -34,14 +34,7 @@ pub struct AlarmsArgs {
 }
 
 /// Lists or acknowledges.
-pub fn alarms(args: &AlarmsArgs) -> Exit {
-    try_alarms(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
-}
-
-fn try_alarms(args: &AlarmsArgs) -> Result<Exit, AccessError> {
+pub fn alarms(args: &AlarmsArgs) -> Result<Exit, AccessError> {
     let mut client = Client::to_station(&args.station)?;
     let standing = |client: &mut Client| -> Result<Vec<StandingAlarm>, AccessError> {
         Ok(client.ask(Op::Alarms { acknowledge: Vec::new() })?.alarms.unwrap_or_default())

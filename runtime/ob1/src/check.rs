@@ -11,6 +11,7 @@ use ob1_params::{CpKind, Interface, Value};
 
 use crate::exit::Exit;
 use crate::language::Language;
+use crate::remote::print_json;
 use ob1_station::assembly;
 use ob1_station::compiling;
 use ob1_station::io::{ProcessIo, Stimulus};
@@ -146,10 +147,7 @@ pub fn check(args: &CheckArgs) -> Exit {
     let errors: usize = checked.findings.iter().filter(|f| f.level == Level::Error).map(count).sum();
     let all: usize = checked.findings.iter().map(count).sum();
     if args.json {
-        match serde_json::to_string_pretty(&checked.findings) {
-            Ok(text) => say!("{text}"),
-            Err(error) => err!("ob1: {error}"),
-        }
+        print_json(&checked.findings);
     } else {
         for finding in &checked.findings {
             err!("{finding}");
@@ -317,14 +315,14 @@ fn check_program(station: &Station) -> Result<(Loaded, Cpu), Vec<Finding>> {
         Some((path, place)) => Stimulus::load(path, place)?,
         None => Stimulus::default(),
     };
-    let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
+    let loaded = program::load(station)?;
     let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
-    let natives = loaded.native_blocks(&seen).map_err(|failure| failure.findings().to_vec())?;
+    let natives = loaded.native_blocks(&seen)?;
     let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
     let modules =
         station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
     let cpu = assembly::load_cpu(station.cpu.clone(), (&loaded, &loaded.program), natives, modules, station.engine)
-        .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
+        .map_err(|failure| [failure.into(), loaded.findings.clone()].concat())?;
     Ok((loaded, cpu))
 }
 
@@ -403,8 +401,7 @@ fn describe(station: &Station) -> String {
                 {
                     let _ = writeln!(text, "  interface = \"{}\"", params.interface.name());
                 }
-                let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-                let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
+                let _ = writeln!(text, "  raw = \"{}\"", crate::units::hex(bytes.as_slice()));
                 let _ = writeln!(text, "  params = {{ {} }}", written(&keys));
             }
             ModuleKind::Ethernet { .. } => {

@@ -6,35 +6,12 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::alarms::{self, AlarmsArgs};
-use crate::bus::{self, BusArgs};
-use crate::check::{self, CheckArgs};
-use crate::ctl::{self, CtlArgs};
-use crate::debug::{self, DebugArgs};
-use crate::diag::{self, DiagArgs};
-use crate::diff::{self, DiffArgs};
-use crate::driver::{self, DriverArgs};
-use crate::exec::{self, ExecArgs};
-use crate::exit::{self, Exit};
-use crate::force::{self, ForceArgs};
-use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
-use crate::list::{self, ListArgs};
-use crate::load::{self, LoadArgs};
-use crate::new::{self, NewArgs};
-use crate::print::{self, PrintArgs};
-use crate::record::{self, RecordArgs};
-use crate::remote::{self, GetArgs, SetArgs};
-use crate::restart::{self, RestartArgs};
-use crate::roll::{self, RollArgs};
-use crate::shadow::{self, ShadowArgs};
-use crate::show::{self, ShowArgs};
-use crate::soak::{self, SoakArgs};
-use crate::status::{self, StatusArgs};
-use crate::testing::{self, TestArgs};
-use crate::top::{self, TopArgs};
-use crate::trace::{self, TraceArgs};
-use crate::why::{self, WhyArgs};
-use crate::xref::{self, XrefArgs};
+use crate::exit::{self, Exit, TestExit, told};
+use crate::{
+    alarms, bus, check, ctl, debug, diag, diff, driver, exec, force, import, list, load, new, print, record, remote,
+    restart, roll, shadow, show, soak, status, testing, top, trace, why, xref,
+};
+use ob1_station::access::client::AccessError;
 use ob1_station::{compiling, guardian, out, run};
 use ob1_time::Span;
 
@@ -91,38 +68,38 @@ fn concat_after() -> String {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(RunArgs),
-    Check(CheckArgs),
-    Bus(BusArgs),
-    Exec(Box<ExecArgs>),
-    Test(TestArgs),
-    Driver(DriverArgs),
-    Xref(XrefArgs),
-    Import(ImportArgs),
-    Upload(UploadArgs),
-    Download(DownloadArgs),
-    Compare(CompareArgs),
-    Diff(DiffArgs),
-    Shadow(ShadowArgs),
-    Show(ShowArgs),
-    Print(PrintArgs),
-    Load(LoadArgs),
-    Restart(RestartArgs),
-    Roll(RollArgs),
-    List(ListArgs),
-    New(NewArgs),
-    Get(GetArgs),
-    Set(SetArgs),
-    Force(ForceArgs),
-    Ctl(CtlArgs),
-    Diag(DiagArgs),
-    Alarms(AlarmsArgs),
-    Status(StatusArgs),
-    Why(WhyArgs),
-    Debug(DebugArgs),
-    Trace(TraceArgs),
-    Record(RecordArgs),
-    Top(TopArgs),
-    Soak(Box<SoakArgs>),
+    Check(check::CheckArgs),
+    Bus(bus::BusArgs),
+    Exec(Box<exec::ExecArgs>),
+    Test(testing::TestArgs),
+    Driver(driver::DriverArgs),
+    Xref(xref::XrefArgs),
+    Import(import::ImportArgs),
+    Upload(import::UploadArgs),
+    Download(import::DownloadArgs),
+    Compare(import::CompareArgs),
+    Diff(diff::DiffArgs),
+    Shadow(shadow::ShadowArgs),
+    Show(show::ShowArgs),
+    Print(print::PrintArgs),
+    Load(load::LoadArgs),
+    Restart(restart::RestartArgs),
+    Roll(roll::RollArgs),
+    List(list::ListArgs),
+    New(new::NewArgs),
+    Get(remote::GetArgs),
+    Set(remote::SetArgs),
+    Force(force::ForceArgs),
+    Ctl(ctl::CtlArgs),
+    Diag(diag::DiagArgs),
+    Alarms(alarms::AlarmsArgs),
+    Status(status::StatusArgs),
+    Why(why::WhyArgs),
+    Debug(debug::DebugArgs),
+    Trace(trace::TraceArgs),
+    Record(record::RecordArgs),
+    Top(top::TopArgs),
+    Soak(Box<soak::SoakArgs>),
     /// Sets the outputs of a runtime that dies to their safe state, and cleans up after it; started by `run`.
     #[command(hide = true)]
     Guardian {
@@ -228,8 +205,8 @@ impl Command {
     fn run(self) -> ExitCode {
         let exit = match self {
             Command::Exec(args) => return exec::exec(&args).into(),
-            Command::Test(args) => return testing::test(&args).into(),
-            Command::Driver(args) => return driver::driver(&args).into(),
+            Command::Test(args) => return told(testing::test(&args), |_| TestExit::Unusable).into(),
+            Command::Driver(args) => return told(driver::driver(&args), |_| TestExit::Unusable).into(),
             Command::Import(args) => return import::import(&args).into(),
             Command::Upload(args) => return import::upload(&args).into(),
             Command::Download(args) => return import::download(&args).into(),
@@ -252,20 +229,20 @@ impl Command {
             Command::Xref(args) => xref::xref(&args),
             Command::Show(args) => show::show(&args),
             Command::Print(args) => print::print(&args),
-            Command::Load(args) => load::load(&args),
-            Command::Restart(args) => restart::restart(&args),
+            Command::Load(args) => told(load::load(&args), AccessError::exit),
+            Command::Restart(args) => told(restart::restart(&args), AccessError::exit),
             Command::Roll(args) => roll::roll(&args),
             Command::List(args) => list::list(&args),
             Command::New(args) => new::new(&args),
-            Command::Get(args) => remote::get(&args),
-            Command::Set(args) => remote::set(&args),
-            Command::Force(args) => force::force(&args),
-            Command::Ctl(args) => ctl::ctl(&args),
-            Command::Diag(args) => diag::diag(&args),
-            Command::Alarms(args) => alarms::alarms(&args),
-            Command::Status(args) => status::status(&args),
-            Command::Why(args) => why::why(&args),
-            Command::Debug(args) => debug::debug(&args),
+            Command::Get(args) => told(remote::get(&args), AccessError::exit),
+            Command::Set(args) => told(remote::set(&args), AccessError::exit),
+            Command::Force(args) => told(force::force(&args), AccessError::exit),
+            Command::Ctl(args) => told(ctl::ctl(&args), AccessError::exit),
+            Command::Diag(args) => told(diag::diag(&args), AccessError::exit),
+            Command::Alarms(args) => told(alarms::alarms(&args), AccessError::exit),
+            Command::Status(args) => told(status::status(&args), AccessError::exit),
+            Command::Why(args) => told(why::why(&args), AccessError::exit),
+            Command::Debug(args) => told(debug::debug(&args), AccessError::exit),
             Command::Trace(args) => trace::trace(&args),
             Command::Record(args) => record::record(&args),
             Command::Top(args) => top::top(&args),
@@ -275,13 +252,10 @@ impl Command {
                 guardian::process::run(&rundir, &published, guardian::Patience { stopped, silent });
                 Exit::Ok
             }
-            Command::CompileBlocks => match compiling::compile_blocks() {
-                Ok(()) => Exit::Ok,
-                Err(why) => {
-                    errs!("ob1: compile-blocks: {why}\n");
-                    Exit::System
-                }
-            },
+            Command::CompileBlocks => {
+                let done = compiling::compile_blocks().map_err(|why| format!("compile-blocks: {why}"));
+                told(done.map(|()| Exit::Ok), |_| Exit::System)
+            }
         };
         exit.into()
     }

@@ -4,13 +4,13 @@ use std::io::{BufRead as _, IsTerminal as _};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use ob1_access::LastStop;
 use ob1_model::{Command, Event, OperatingState};
 
 use crate::exit::Exit;
 use crate::remote::{ask, recorder, status, timing};
+use ob1_station::access::client::AccessError;
 use ob1_station::access::protocol::{Diagnostic, Op, Status};
 
 /// How long a change to RUN is waited for, until the first scan has ended.
@@ -41,87 +41,55 @@ pub struct CtlArgs {
 }
 
 /// What `ob1 ctl` does.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Action {
-    /// Changes the operating state.
-    Command(Command),
-    /// Asks which restart is meant.
+    /// STOP to RUN by a warm restart; nothing in RUN
+    Run,
+    /// To STOP: outputs off
+    Stop,
+    /// Warm restart: OB 100; M, T, Z cleared, data blocks kept
+    Warm,
+    /// Warm restart that keeps all data blocks, whatever [retentive] says
+    Keep,
+    /// Cold restart: OB 102 or OB 100; data blocks get their load values
+    Cold,
+    /// Hot restart: OB 101; everything keeps its value (S7-400 only)
+    Hot,
+    /// Memory reset, in STOP only: all flags, timers, counters and data blocks lose their values
+    Reset,
+    /// Asks which one: warm keeps the data blocks, cold loads them anew
     Restart,
-    /// Says by the exit code whether the station is in RUN.
+    /// Whether it is in RUN and its cycles end, by the exit code: 0, or 3 with the reason
     Ready,
-    /// Prints state and figures.
+    /// State, scan statistics, modules
     Status,
-    /// Prints the accounts of every scan.
+    /// The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)
     Timing,
-    /// Prints the flight recorder.
+    /// The flight recorder: the scans up to the worst overrun, or up to now
     Recorder,
 }
 
-impl ValueEnum for Action {
-    fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [Action; 12] = [
-            Action::Command(Command::Run),
-            Action::Command(Command::Stop),
-            Action::Command(Command::Warm),
-            Action::Command(Command::Keep),
-            Action::Command(Command::Cold),
-            Action::Command(Command::Hot),
-            Action::Command(Command::Reset),
-            Action::Restart,
-            Action::Ready,
-            Action::Status,
-            Action::Timing,
-            Action::Recorder,
-        ];
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (word, help) = match self {
-            Self::Command(command) => (
-                command.word(),
-                match command {
-                    Command::Run => "STOP to RUN by a warm restart; nothing in RUN",
-                    Command::Stop => "To STOP: outputs off",
-                    Command::Warm => "Warm restart: OB 100; M, T, Z cleared, data blocks kept",
-                    Command::Keep => "Warm restart that keeps all data blocks, whatever [retentive] says",
-                    Command::Cold => "Cold restart: OB 102 or OB 100; data blocks get their load values",
-                    Command::Hot => "Hot restart: OB 101; everything keeps its value (S7-400 only)",
-                    Command::Reset => {
-                        "Memory reset, in STOP only: all flags, timers, counters and data blocks lose their values"
-                    }
-                },
-            ),
-            Self::Restart => ("restart", "Asks which one: warm keeps the data blocks, cold loads them anew"),
-            Self::Ready => {
-                ("ready", "Whether it is in RUN and its cycles end, by the exit code: 0, or 3 with the reason")
-            }
-            Self::Status => ("status", "State, scan statistics, modules"),
-            Self::Timing => (
-                "timing",
-                "The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)",
-            ),
-            Self::Recorder => ("recorder", "The flight recorder: the scans up to the worst overrun, or up to now"),
-        };
-        Some(PossibleValue::new(word).help(help))
-    }
-}
-
 /// Changes the operating state, or prints what the station says of itself.
-pub fn ctl(args: &CtlArgs) -> Exit {
+pub fn ctl(args: &CtlArgs) -> Result<Exit, AccessError> {
     let (station, json) = (args.station.as_str(), args.json);
-    match args.action {
-        Action::Command(Command::Reset) => reset(station, args.yes),
-        Action::Command(command) => change(station, command),
+    let command = match args.action {
+        Action::Run => Command::Run,
+        Action::Stop => Command::Stop,
+        Action::Warm => Command::Warm,
+        Action::Keep => Command::Keep,
+        Action::Cold => Command::Cold,
+        Action::Hot => Command::Hot,
+        Action::Reset => return reset(station, args.yes),
         Action::Restart => match which_restart(station) {
-            Some(command) => change(station, command),
-            None => Exit::Usage,
+            Some(command) => command,
+            None => return Ok(Exit::Usage),
         },
-        Action::Ready => ready(station).unwrap_or_else(|exit| exit),
-        Action::Status => status(station, json),
-        Action::Timing => timing(station, json),
-        Action::Recorder => recorder(station, json),
-    }
+        Action::Ready => return ready(station),
+        Action::Status => return status(station, json),
+        Action::Timing => return timing(station, json),
+        Action::Recorder => return recorder(station, json),
+    };
+    change(station, command)
 }
 
 /// A line from the terminal, in small letters; none without one.
@@ -152,12 +120,13 @@ fn which_restart(station: &str) -> Option<Command> {
     }
 }
 
-fn look(station: &str) -> Result<Status, Exit> {
-    ask(station, Op::Status)?.status.ok_or(Exit::Refused)
+pub(crate) fn look(station: &str) -> Result<Status, AccessError> {
+    let status = ask(station, Op::Status)?.status;
+    status.ok_or_else(|| AccessError::Refused("it does not say how it is".to_owned()))
 }
 
 /// For health checks: alive is not enough.
-fn ready(station: &str) -> Result<Exit, Exit> {
+fn ready(station: &str) -> Result<Exit, AccessError> {
     let status = look(station)?;
     if let Some(seconds) = status.stands_s {
         err!("ob1: {station}: a cycle began {seconds} s ago and does not end\n  = ob1 why and ob1 top say more");
@@ -172,37 +141,28 @@ fn ready(station: &str) -> Result<Exit, Exit> {
 }
 
 /// A real CPU resets its memory in STOP only, and wants the switch turned twice.
-fn reset(station: &str, yes: bool) -> Exit {
-    let state = match look(station) {
-        Ok(status) => status.state,
-        Err(exit) => return exit,
-    };
+fn reset(station: &str, yes: bool) -> Result<Exit, AccessError> {
+    let state = look(station)?.state;
     if state != OperatingState::Stop.name() {
         err!("ob1: {station} is in {state}: memory reset is refused\n  = first ob1 ctl {station} stop");
-        return Exit::Refused;
+        return Ok(Exit::Refused);
     }
     let question = "memory reset: all flags, timers, counters and data blocks lose their values. Go on? y";
     if !yes && !answer(question).is_some_and(|answer| agrees(&answer)) {
         err!("ob1: nothing was reset\n  = answer y on a terminal, or add --yes");
-        return Exit::Usage;
+        return Ok(Exit::Usage);
     }
-    ask(station, Op::Command { command: Command::Reset }).map_or_else(|exit| exit, |_| Exit::Ok)
+    ask(station, Op::Command { command: Command::Reset }).map(|_| Exit::Ok)
 }
 
 /// The number of the newest entry in the diagnostic buffer.
-fn newest(station: &str) -> Result<u64, Exit> {
+fn newest(station: &str) -> Result<u64, AccessError> {
     let entries = ask(station, Op::Diag { count: 1 })?.diagnostics.unwrap_or_default();
     Ok(entries.first().map_or(0, |entry| entry.number))
 }
 
 /// Changes the operating state. A change to RUN ends with the first scan, or with the reason why there is none.
-pub(crate) fn change(station: &str, command: Command) -> Exit {
-    match try_change(station, command) {
-        Ok(exit) | Err(exit) => exit,
-    }
-}
-
-fn try_change(station: &str, command: Command) -> Result<Exit, Exit> {
+pub(crate) fn change(station: &str, command: Command) -> Result<Exit, AccessError> {
     let (before, last) = (look(station)?.scans, newest(station)?);
     ask(station, Op::Command { command })?;
     if command == Command::Stop {

@@ -50,11 +50,29 @@ pub struct DebugArgs {
 }
 
 /// Runs the prompt of `ob1 debug` until it is left.
-pub fn debug(args: &DebugArgs) -> Exit {
-    Session::run(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
+pub fn debug(args: &DebugArgs) -> Result<Exit, AccessError> {
+    let mut session = Session { client: Client::to_station(&args.station)?, places: Vec::new(), at: None };
+    session.set(args.places.clone())?;
+    say!("breakpoints: {}; help lists the commands", args.places.len());
+    let mut lines = io::stdin().lock().lines();
+    loop {
+        says!("(ob1) ");
+        out::flush();
+        let Some(line) = lines.next().transpose()? else {
+            // Nobody says that the program may go on.
+            session.ask(DebugWanted::End)?;
+            return Ok(Exit::Ok);
+        };
+        match session.obey(&line) {
+            Ok(Next::Prompt) => {}
+            Ok(Next::Leave(runs)) => {
+                session.leave(runs)?;
+                return Ok(Exit::Ok);
+            }
+            Err(AccessError::Refused(why)) => say!("{why}"),
+            Err(other) => return Err(other),
+        }
+    }
 }
 
 struct Session {
@@ -72,31 +90,6 @@ enum Next {
 }
 
 impl Session {
-    fn run(args: &DebugArgs) -> Result<Exit, AccessError> {
-        let mut session = Self { client: Client::to_station(&args.station)?, places: Vec::new(), at: None };
-        session.set(args.places.clone())?;
-        say!("breakpoints: {}; help lists the commands", args.places.len());
-        let mut lines = io::stdin().lock().lines();
-        loop {
-            says!("(ob1) ");
-            out::flush();
-            let Some(line) = lines.next().transpose()? else {
-                // Nobody says that the program may go on.
-                session.ask(DebugWanted::End)?;
-                return Ok(Exit::Ok);
-            };
-            match session.obey(&line) {
-                Ok(Next::Prompt) => {}
-                Ok(Next::Leave(runs)) => {
-                    session.leave(runs)?;
-                    return Ok(Exit::Ok);
-                }
-                Err(AccessError::Refused(why)) => say!("{why}"),
-                Err(other) => return Err(other),
-            }
-        }
-    }
-
     fn ask(&mut self, wanted: DebugWanted) -> Result<DebugStatus, AccessError> {
         let debug = self.client.ask(Op::Debug(wanted))?.debug;
         debug.map(|debug| *debug).ok_or_else(|| AccessError::Refused("the station knows no breakpoints".to_owned()))
@@ -251,7 +244,6 @@ pub(crate) fn stack(status: &DebugStatus) {
 
 pub(crate) fn local(status: &DebugStatus) {
     for (row, bytes) in status.local.chunks(16).enumerate() {
-        let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-        say!("  L {:3}  {}", row * 16, digits.join(" "));
+        say!("  L {:3}  {}", row * 16, crate::units::hex(bytes));
     }
 }

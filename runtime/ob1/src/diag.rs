@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::debug::{local, registers, stack};
 use crate::exit::Exit;
 use crate::remote::{ask, print_json};
+use ob1_station::access::client::AccessError;
 use ob1_station::access::debug::DebugWanted;
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
 
@@ -47,14 +48,11 @@ struct Buffers<'a> {
 }
 
 /// Prints the buffers, newest entry first.
-pub fn diag(args: &DiagArgs) -> Exit {
+pub fn diag(args: &DiagArgs) -> Result<Exit, AccessError> {
     if args.stack {
         return stacks(args);
     }
-    let response = match ask(&args.station, Op::Diag { count: args.count }) {
-        Ok(response) => response,
-        Err(exit) => return exit,
-    };
+    let response = ask(&args.station, Op::Diag { count: args.count })?;
     let cpu = response.diagnostics.unwrap_or_default();
     let mut cps = response.cps.unwrap_or_default();
     if let Some(wanted) = &args.cp {
@@ -63,12 +61,12 @@ pub fn diag(args: &DiagArgs) -> Exit {
         if cps.is_empty() {
             let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
             err!("ob1: \"{wanted}\" is not a CP with a diagnostic buffer\n  = this station has: {there}");
-            return Exit::Usage;
+            return Ok(Exit::Usage);
         }
     }
     let cpu = args.cp.is_none().then_some(cpu.as_slice());
     if args.json {
-        return print_json(&Buffers { cpu, cps: &cps });
+        return Ok(print_json(&Buffers { cpu, cps: &cps }));
     }
     says!("{}", text(cpu, &cps));
     let kept = if cpu.is_some() { system_data(&args.station) } else { Vec::new() };
@@ -78,17 +76,15 @@ pub fn diag(args: &DiagArgs) -> Exit {
             kept.join(", ")
         );
     }
-    Exit::Ok
+    Ok(Exit::Ok)
 }
 
 /// In what the program was interrupted.
-fn stacks(args: &DiagArgs) -> Exit {
-    let status = match ask(&args.station, Op::Debug(DebugWanted::Stack { level: 0 })) {
-        Ok(response) => response.debug.unwrap_or_default(),
-        Err(exit) => return exit,
-    };
+fn stacks(args: &DiagArgs) -> Result<Exit, AccessError> {
+    let wanted = Op::Debug(DebugWanted::Stack { level: 0 });
+    let status = ask(&args.station, wanted)?.debug.unwrap_or_default();
     if args.json {
-        return print_json(&status);
+        return Ok(print_json(&status));
     }
     match (status.outcome.as_str(), status.stack.is_empty()) {
         ("runs", _) => say!("the CPU runs: it has stacks in STOP and in HOLD"),
@@ -102,7 +98,7 @@ fn stacks(args: &DiagArgs) -> Exit {
             local(&status);
         }
     }
-    Exit::Ok
+    Ok(Exit::Ok)
 }
 
 /// The system data blocks that were downloaded. A station that does not tell its status has none to tell.

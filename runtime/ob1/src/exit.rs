@@ -1,6 +1,16 @@
 //! Exit codes of the command: one table, printed by `ob1 --help`.
 
+use std::fmt::Display;
+
 pub use ob1_station::exit::Exit;
+
+/// What a command ends with; it tells first what it has failed of.
+pub(crate) fn told<T, E: Display>(outcome: Result<T, E>, failed: impl FnOnce(&E) -> T) -> T {
+    outcome.unwrap_or_else(|error| {
+        err!("ob1: {error}");
+        failed(&error)
+    })
+}
 
 /// The table as `ob1 --help` prints it.
 pub const TABLE: &str = "\

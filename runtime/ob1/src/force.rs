@@ -3,10 +3,9 @@
 use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::Op;
-use serde_json::Value;
 
 use crate::exit::Exit;
-use crate::remote::assignment;
+use crate::remote::{assigned, assignment};
 
 /// Force cells of a running station, or show what is forced
 ///
@@ -34,15 +33,8 @@ pub struct ForceArgs {
 }
 
 /// Forces; prints what is forced then.
-pub fn force(args: &ForceArgs) -> Exit {
-    try_force(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
-}
-
-fn try_force(args: &ForceArgs) -> Result<Exit, AccessError> {
-    let items = args.items.iter().map(|(name, value)| (name.clone(), Value::String(value.clone()))).collect();
+pub fn force(args: &ForceArgs) -> Result<Exit, AccessError> {
+    let items = assigned(&args.items);
     let forced = Client::to_station(&args.station)?.ask(Op::Force { items, off: args.off })?.forced.unwrap_or_default();
     if args.json {
         say!("{}", serde_json::json!(forced));

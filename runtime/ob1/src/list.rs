@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::ctl::last_stop;
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::remote::print_json;
 use crate::units::time;
 use ob1_station::access::client::Client;
@@ -135,18 +135,9 @@ fn ask(mut client: Client) -> Option<Listed> {
 fn print(all: &[Listed]) {
     let width = all.iter().map(|one| one.name.chars().count()).max().unwrap_or(0).max(7);
     if !all.is_empty() {
-        say!(
-            "{:<width$}  {:<8}{:>10}{:>10}{:>12}{:>8}{:>8}  {:<9}{:<10}process, seconds",
-            "station",
-            "state",
-            "cycle",
-            "wake p99",
-            "scans",
-            "late",
-            "missed",
-            "version",
-            "program"
-        );
+        const HEAD: &str =
+            "state        cycle  wake p99       scans    late  missed  version  program   process, seconds";
+        say!("{:<width$}  {HEAD}", "station");
     }
     for one in all {
         let (Some(pid), Some(seconds)) = (one.pid, one.running_s) else {
@@ -184,13 +175,9 @@ fn write_targets(all: &[Listed], file: &std::path::Path, host: Option<&str>) -> 
         says!("{text}");
         return Exit::Ok;
     }
-    match ob1_process::files::replace(file, text.as_bytes()) {
-        Ok(()) => Exit::Ok,
-        Err(error) => {
-            err!("ob1: {}: {error}\n  = name a file in a folder that this user may write", file.display());
-            Exit::System
-        }
-    }
+    let written = ob1_process::files::replace(file, text.as_bytes());
+    let remedy = "name a file in a folder that this user may write";
+    told(written.map(|()| Exit::Ok).map_err(|why| format!("{}: {why}\n  = {remedy}", file.display())), |_| Exit::System)
 }
 
 /// One entry a link. Which version and program run is told by the figures themselves: labels of a target are for what

@@ -43,11 +43,9 @@ fn paint<E: From<io::Error>>(
             if !event::poll(every.saturating_sub(made.elapsed()))? {
                 break;
             }
-            let Event::Key(key) = event::read()? else { continue };
-            match key.code {
-                _ if key.kind == KeyEventKind::Release => {}
+            let Some(key) = pressed(&event::read()?) else { continue };
+            match key {
                 KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
-                KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Ok(()),
                 KeyCode::Up => top = top.saturating_sub(1),
                 KeyCode::Down => top = top.saturating_add(1),
                 KeyCode::PageUp => top = top.saturating_sub(height / 2),
@@ -60,6 +58,13 @@ fn paint<E: From<io::Error>>(
             None => return Ok(()),
         }
     }
+}
+
+/// A key that is pressed. Control-C is the end, too.
+pub(crate) fn pressed(event: &Event) -> Option<KeyCode> {
+    let key = event.as_key_event().filter(|key| key.kind != KeyEventKind::Release)?;
+    let is_end = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+    Some(if is_end { KeyCode::Char('q') } else { key.code })
 }
 
 /// The text with the colours that its escape sequences name: those of `show`.

@@ -43,14 +43,6 @@ pub struct LoadArgs {
     pub(crate) json: bool,
 }
 
-/// Loads; prints what there is to print.
-pub fn load(args: &LoadArgs) -> Exit {
-    try_load(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
-}
-
 fn ask(client: &mut Client, order: LoadOrder) -> Result<LoadStatus, AccessError> {
     let told = client.ask(Op::Load(order))?.load;
     told.map(|told| *told).ok_or_else(|| AccessError::Refused("the station cannot load".to_owned()))
@@ -60,7 +52,8 @@ fn refused(why: &str) -> AccessError {
     AccessError::Refused(why.to_owned())
 }
 
-pub(crate) fn try_load(args: &LoadArgs) -> Result<Exit, AccessError> {
+/// Loads; prints what there is to print.
+pub fn load(args: &LoadArgs) -> Result<Exit, AccessError> {
     if args.json && !args.yes && !args.check {
         return Err(refused("--json does not ask: add --yes or --check"));
     }

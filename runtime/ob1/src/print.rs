@@ -9,7 +9,7 @@ use ob1_ladder::svg::{STYLE, bare_svg, escaped};
 use ob1_ladder::{Form, draw, read, title};
 use ob1_stl::{CrossReference, in_set};
 
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::import::Unit;
 use crate::language::Language;
 use crate::show::{Ready, Shown, open};
@@ -68,13 +68,7 @@ impl Words {
 
 /// Runs `ob1 print`: writes the document, and says how it ended.
 pub fn print(args: &PrintArgs) -> Exit {
-    match run(args) {
-        Ok(()) => Exit::Ok,
-        Err(why) => {
-            err!("ob1: {why}");
-            Exit::Usage
-        }
-    }
+    told(run(args).map(|()| Exit::Ok), |_| Exit::Usage)
 }
 
 fn run(args: &PrintArgs) -> Result<(), String> {
@@ -116,11 +110,7 @@ impl Paper<'_> {
     }
 
     fn form(&self, block: &CodeBlock) -> Form {
-        match (self.args.lad, self.args.fbd) {
-            (true, _) => Form::Ladder,
-            (_, true) => Form::Plan,
-            _ => self.shown.form(block.id),
-        }
+        self.shown.form(block.id, (self.args.lad, self.args.fbd))
     }
 
     fn document(&self) -> String {

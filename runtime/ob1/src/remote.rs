@@ -6,11 +6,12 @@ use clap::Args;
 use ob1_access::Form;
 use ob1_model::OperatingState;
 use ob1_params::CpKind;
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::ctl;
-use crate::exit::Exit;
-use ob1_station::access::client::Client;
+use crate::exit::{Exit, told};
+use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::{ModuleStatus, Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::view::EVENTS_LOST;
 use ob1_timing::text;
@@ -52,23 +53,17 @@ pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     }
 }
 
-pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
-    Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
+pub(crate) fn ask(station: &str, op: Op) -> Result<Response, AccessError> {
+    Client::to_station(station)?.ask(op)
 }
 
 /// Prints values of cells.
-pub fn get(args: &GetArgs) -> Exit {
+pub fn get(args: &GetArgs) -> Result<Exit, AccessError> {
     let (names, forms): (Vec<&str>, Vec<Form>) = args.items.iter().map(|item| Form::split(item)).unzip();
     let items = names.into_iter().map(str::to_owned).collect();
-    let values = match ask(&args.station, Op::Get { items }) {
-        Ok(response) => response.values.unwrap_or_default(),
-        Err(exit) => return exit,
-    };
+    let values = ask(&args.station, Op::Get { items })?.values.unwrap_or_default();
     if args.json {
-        return print_json(&values);
+        return Ok(print_json(&values));
     }
     let width = values.iter().map(|v| v.item.chars().count()).max().unwrap_or(0);
     for (value, form) in values.iter().zip(forms.into_iter().chain(std::iter::repeat(Form::Plain))) {
@@ -78,60 +73,52 @@ pub fn get(args: &GetArgs) -> Exit {
         let shown = form.show(&value.text, &value.hex);
         say!("{:<width$}  {shown:>12}{hex}", value.item);
     }
-    Exit::Ok
+    Ok(Exit::Ok)
 }
 
 /// Writes cells, given as `NAME=VALUE`.
-pub fn set(args: &SetArgs) -> Exit {
-    let mut items = BTreeMap::new();
-    for (name, value) in &args.items {
-        items.insert(name.clone(), Value::from(value.as_str()));
+pub fn set(args: &SetArgs) -> Result<Exit, AccessError> {
+    ask(&args.station, Op::Set { items: assigned(&args.items) }).map(|_| Exit::Ok)
+}
+
+/// The values of cells by their names.
+pub(crate) fn assigned(items: &[(String, String)]) -> BTreeMap<String, Value> {
+    items.iter().map(|(name, value)| (name.clone(), Value::from(value.as_str()))).collect()
+}
+
+/// Prints what the station tells, as JSON or for people.
+fn show<T: Serialize>(told: Option<T>, json: bool, print: impl FnOnce(&T)) -> Exit {
+    match told {
+        None => return Exit::Refused,
+        Some(told) if json => return print_json(&told),
+        Some(told) => print(&told),
     }
-    ask(&args.station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
+    Exit::Ok
 }
 
 /// Prints state and figures.
-pub(crate) fn status(station: &str, json: bool) -> Exit {
-    match ask(station, Op::Status).map(|response| response.status) {
-        Ok(Some(status)) if json => print_json(&status),
-        Ok(Some(status)) => {
-            print_status(&status);
-            if status.state == OperatingState::Stop.name()
-                && let Some(why) = ctl::why_stopped(station, 0)
-            {
-                say!("{why}");
-            }
-            Exit::Ok
+pub(crate) fn status(station: &str, json: bool) -> Result<Exit, AccessError> {
+    let status = ask(station, Op::Status)?.status;
+    Ok(show(status, json, |status| {
+        print_status(status);
+        if status.state == OperatingState::Stop.name()
+            && let Some(why) = ctl::why_stopped(station, 0)
+        {
+            say!("{why}");
         }
-        Ok(None) => Exit::Refused,
-        Err(exit) => exit,
-    }
+    }))
 }
 
 /// Prints the accounts of every scan.
-pub(crate) fn timing(station: &str, json: bool) -> Exit {
-    match ask(station, Op::Timing { histograms: json }).map(|response| response.timing) {
-        Ok(Some(timing)) if json => print_json(&timing),
-        Ok(Some(timing)) => {
-            says!("{}", text::timing(&timing));
-            Exit::Ok
-        }
-        Ok(None) => Exit::Refused,
-        Err(exit) => exit,
-    }
+pub(crate) fn timing(station: &str, json: bool) -> Result<Exit, AccessError> {
+    let timing = ask(station, Op::Timing { histograms: json })?.timing;
+    Ok(show(timing, json, |timing| says!("{}", text::timing(timing))))
 }
 
 /// Prints the flight recorder.
-pub(crate) fn recorder(station: &str, json: bool) -> Exit {
-    match ask(station, Op::Recorder).map(|response| response.recorder) {
-        Ok(Some(recorder)) if json => print_json(&recorder),
-        Ok(Some(recorder)) => {
-            says!("{}", text::recorder(&recorder));
-            Exit::Ok
-        }
-        Ok(None) => Exit::Refused,
-        Err(exit) => exit,
-    }
+pub(crate) fn recorder(station: &str, json: bool) -> Result<Exit, AccessError> {
+    let recorder = ask(station, Op::Recorder)?.recorder;
+    Ok(show(recorder, json, |recorder| says!("{}", text::recorder(recorder))))
 }
 
 fn print_status(status: &Status) {
@@ -251,17 +238,12 @@ fn retentive_text(retentive: &RetentiveStatus) -> String {
     }
 }
 
-pub(crate) fn print_json(value: &impl serde::Serialize) -> Exit {
-    match serde_json::to_string_pretty(value) {
-        Ok(text) => {
-            say!("{text}");
-            Exit::Ok
-        }
-        Err(error) => {
-            err!("ob1: {error}");
-            Exit::System
-        }
-    }
+pub(crate) fn print_json(value: &impl Serialize) -> Exit {
+    let text = serde_json::to_string_pretty(value).map(|text| {
+        say!("{text}");
+        Exit::Ok
+    });
+    told(text, |_| Exit::System)
 }
 
 #[cfg(test)]

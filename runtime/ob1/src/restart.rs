@@ -33,14 +33,7 @@ pub struct RestartArgs {
 }
 
 /// Runs `ob1 restart`, and says how it ended.
-pub fn restart(args: &RestartArgs) -> Exit {
-    try_restart(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
-}
-
-fn try_restart(args: &RestartArgs) -> Result<Exit, AccessError> {
+pub fn restart(args: &RestartArgs) -> Result<Exit, AccessError> {
     let command = match (args.cold, args.keep) {
         (true, _) => Command::Cold,
         (_, true) => Command::Keep,
@@ -48,7 +41,7 @@ fn try_restart(args: &RestartArgs) -> Result<Exit, AccessError> {
     };
     if args.keep {
         let load = LoadArgs { station: args.station.clone(), back: false, yes: args.yes, check: false, json: false };
-        load::try_load(&load)?;
+        load::load(&load)?;
     }
-    Ok(ctl::change(&args.station, command))
+    ctl::change(&args.station, command)
 }

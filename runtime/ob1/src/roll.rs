@@ -13,9 +13,9 @@ use clap::Args;
 use ob1_model::{Event, OperatingState};
 use ob1_time::Span;
 
-use crate::ctl::last_stop;
+use crate::ctl::{self, last_stop};
 use crate::exit::Exit;
-use ob1_station::access::client::Client;
+use crate::remote;
 use ob1_station::access::protocol::{Op, Response, Status};
 
 const LOOK: Duration = Duration::from_millis(100);
@@ -87,11 +87,11 @@ pub fn roll(args: &RollArgs) -> Exit {
 }
 
 fn ask(station: &str, op: Op) -> Result<Response, String> {
-    Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| error.to_string())
+    remote::ask(station, op).map_err(|error| error.to_string())
 }
 
 fn look(station: &str) -> Result<Status, String> {
-    ask(station, Op::Status)?.status.ok_or_else(|| "it does not say how it is".to_owned())
+    ctl::look(station).map_err(|error| error.to_string())
 }
 
 fn before(station: &str, values: &[String]) -> Result<Before, String> {

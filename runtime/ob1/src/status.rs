@@ -78,14 +78,6 @@ impl StatusArgs {
     }
 }
 
-/// Shows a block until `q`, once, or until the station's end.
-pub fn status(args: &StatusArgs) -> Exit {
-    show(args).unwrap_or_else(|error| {
-        err!("ob1: {error}");
-        error.exit()
-    })
-}
-
 /// Asks for one pass, and waits for it.
 pub(crate) fn ask(client: &mut Client, wanted: PassWanted) -> Result<PassStatus, AccessError> {
     let pass = client.ask(Op::Pass(wanted))?.pass;
@@ -106,7 +98,8 @@ fn not_called(args: &StatusArgs, pass: &PassStatus) -> Option<String> {
     })
 }
 
-fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
+/// Shows a block until `q`, once, or until the station's end.
+pub fn status(args: &StatusArgs) -> Result<Exit, AccessError> {
     let mut client = Client::to_station(&args.station)?;
     let picture = args.wanted().statements.then(|| Picture::of(args)).transpose().map_err(AccessError::Refused)?;
     let text = |pass: &PassStatus, coloured: bool| match &picture {

@@ -13,6 +13,11 @@ pub(crate) fn time(nanos: f64) -> String {
     format!("{} {unit}", figures(nanos / scale))
 }
 
+/// Bytes in hexadecimal: `0A FF`.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
 /// A number with three figures.
 fn figures(value: f64) -> String {
     match value.abs() {

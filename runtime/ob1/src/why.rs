@@ -42,26 +42,21 @@ pub struct WhyArgs {
 }
 
 /// Runs `ob1 why`: prints the answers, and says how it ended.
-pub fn why(args: &WhyArgs) -> Exit {
-    let asked = args.operand.join(" ");
-    match (Asking { args, client: None, seen: BTreeSet::new() }).all(&asked) {
-        Ok(answers) if args.json => print_json(&answers.into_iter().map(|(_, why)| why).collect::<Vec<_>>()),
-        Ok(answers) => {
-            for (depth, why) in &answers {
-                says!("{}", text(why, *depth));
-            }
-            Exit::Ok
-        }
-        Err(error) => {
-            err!("ob1: {error}");
-            error.exit()
-        }
+pub fn why(args: &WhyArgs) -> Result<Exit, AccessError> {
+    let client = Client::to_station(&args.station)?;
+    let answers = (Asking { args, client, seen: BTreeSet::new() }).all(&args.operand.join(" "))?;
+    if args.json {
+        return Ok(print_json(&answers.into_iter().map(|(_, why)| why).collect::<Vec<_>>()));
     }
+    for (depth, why) in &answers {
+        says!("{}", text(why, *depth));
+    }
+    Ok(Exit::Ok)
 }
 
 struct Asking<'a> {
     args: &'a WhyArgs,
-    client: Option<Client>,
+    client: Client,
     seen: BTreeSet<String>,
 }
 
@@ -98,7 +93,7 @@ impl Asking<'_> {
 
     /// Only a program that runs gives reasons.
     fn runs(&mut self) -> Result<(), AccessError> {
-        let state = self.client()?.ask(Op::Status)?.status.map(|status| status.state).unwrap_or_default();
+        let state = self.client.ask(Op::Status)?.status.map(|status| status.state).unwrap_or_default();
         let station = &self.args.station;
         match state.as_str() {
             "STOP" => Err(AccessError::Refused(format!(
@@ -112,16 +107,9 @@ impl Asking<'_> {
         }
     }
 
-    fn client(&mut self) -> Result<&mut Client, AccessError> {
-        Ok(match &mut self.client {
-            Some(client) => client,
-            none => none.insert(Client::to_station(&self.args.station)?),
-        })
-    }
-
     fn one(&mut self, asked: &str, inside: &Inside) -> Result<WhyStatus, AccessError> {
         let wait_ms = self.args.wait.millis();
-        let client = self.client()?;
+        let client = &mut self.client;
         // A block has no value.
         let values = client.ask(Op::Get { items: vec![asked.to_owned()] }).ok().and_then(|response| response.values);
         let now = values.and_then(|all| all.first().map(|value| value.value == true)).unwrap_or(false);

@@ -1,6 +1,6 @@
 //! `ob1 xref`: who reads and writes what; who calls whom; what is free, unused, written twice.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -12,7 +12,7 @@ use crate::check::misplaced;
 use crate::exit::Exit;
 use crate::language::Language;
 use ob1_station::plugins;
-use ob1_station::program::{self, LoadFailure};
+use ob1_station::program;
 use ob1_station_file::finding::{Finding, Level};
 use ob1_station_file::findings::UNKNOWN_NAME;
 use ob1_station_file::library::Chosen;
@@ -68,12 +68,30 @@ pub struct XrefArgs {
     pub json: bool,
 }
 
-/// A program to be asked.
-struct Asked {
-    program: Program,
-    library: Library,
+/// A program to be asked, with the blocks that it calls.
+pub(crate) struct Asked {
+    pub(crate) program: Program,
+    pub(crate) library: Library,
     /// The set of the answer.
     set: Mnemonics,
+}
+
+impl Asked {
+    /// That of a station file.
+    pub(crate) fn of_station(file: &Path) -> Result<Self, Vec<Finding>> {
+        let loaded = program::load(&ob1_station_file::load(file)?)?;
+        let library = program::library(&loaded.plugins, &loaded.standard)?;
+        Ok(Self { program: Arc::unwrap_or_clone(loaded.program), library, set: loaded.mnemonics })
+    }
+
+    /// That of sources, and of plugins that they call.
+    pub(crate) fn of_sources(wanted: &Sources, plugins: &[Plugin]) -> Result<Self, Vec<Finding>> {
+        let plugins = plugins::load(plugins)?;
+        let compiled = program::compile(wanted, &program::library(&plugins, &wanted.library)?)?;
+        let standard = program::in_use(&compiled.program, &wanted.library, &compiled.demanded);
+        let library = program::library(&plugins, &standard)?;
+        Ok(Self { program: compiled.program, library, set: compiled.mnemonics })
+    }
 }
 
 /// Runs `ob1 xref`: prints the cross-reference, and says how it ended.
@@ -196,32 +214,19 @@ fn asked(args: &XrefArgs) -> Result<Asked, Vec<Finding>> {
         if let Some(finding) = misplaced(file, &options) {
             return Err(vec![finding]);
         }
-        let station = ob1_station_file::load(file)?;
-        let loaded = program::load(&station).map_err(|failure| match failure {
-            LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
-        })?;
-        let library = program::library(&loaded.plugins, &loaded.standard)?;
-        return Ok(Asked {
-            set: args.mnemonics.or(loaded.mnemonics),
-            program: Arc::unwrap_or_clone(loaded.program),
-            library,
-        });
+        let asked = Asked::of_station(file)?;
+        return Ok(Asked { set: args.mnemonics.or(asked.set), ..asked });
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
-    let plugins = plugins::load(&plugins)?;
-    let standard = Chosen::settled(&args.library)?;
-    let library = program::library(&plugins, &standard)?;
     let sources = Sources {
         files: args.files.clone(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
-        library: standard,
+        library: Chosen::settled(&args.library)?,
         ..Sources::default()
     };
-    let compiled = program::compile(&sources, &library)?;
-    let library =
-        program::library(&plugins, &program::in_use(&compiled.program, &sources.library, &compiled.demanded))?;
-    Ok(Asked { set: args.mnemonics.or(compiled.mnemonics), program: compiled.program, library })
+    let asked = Asked::of_sources(&sources, &plugins)?;
+    Ok(Asked { set: args.mnemonics.or(asked.set), ..asked })
 }
 
 fn to_json(r: &Reference, how: Match, asked: &Asked) -> Value {

@@ -154,18 +154,10 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {
     if kind != BusKind::ModbusRtu {
-        for (key, at) in [
-            ("baud", table.baud.as_ref().filter(|_| kind != BusKind::Dp).map(Placed::span)),
-            ("parity", table.parity.as_ref().map(Placed::span)),
-            ("stop_bits", table.stop_bits.as_ref().map(Placed::span)),
-        ] {
-            if let Some(at) = at {
-                f.error(
-                    CONTRADICTION,
-                    at,
-                    format!("`{key}` belongs to a serial line with Modbus"),
-                    "leave it out here",
-                );
+        for (key, at) in table.given() {
+            if matches!(key, "parity" | "stop_bits") || key == "baud" && kind != BusKind::Dp {
+                let message = format!("`{key}` belongs to a serial line with Modbus");
+                f.error(CONTRADICTION, at, message, "leave it out here");
             }
         }
         return None;

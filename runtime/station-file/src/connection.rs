@@ -24,14 +24,8 @@ const TSAP: usize = 16;
 
 /// A CP 343: which link it is reached by. Without `link` it is the only one there is.
 pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable) -> Option<ModuleKind> {
-    for (key, at) in [
-        ("line", table.line.as_ref().map(Placed::span)),
-        ("params", table.params.as_ref().map(Placed::span)),
-        ("raw", table.raw.as_ref().map(Placed::span)),
-        ("bytes", table.bytes.as_ref().map(Placed::span)),
-        ("abd", table.abd.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
+    for (key, at) in table.given() {
+        if matches!(key, "line" | "params" | "raw" | "bytes" | "abd") {
             let remedy = "leave it out: the [[connection]] tables say what a CP 343 does";
             f.error(CONTRADICTION, at, format!("a CP 343 has no `{key}`"), remedy);
         }

@@ -11,9 +11,9 @@ use ob1_time::Span;
 
 use super::building::{BusKind, Buses};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
-use super::remote::{LAST, LOST_AFTER, Loss, address, bus_of, loss, substitute};
+use super::remote::{LAST, LOST_AFTER, Loss, address, bus_of, config, loss, substitute};
 use super::tables::{ModuleTable, Placed, RangeTable, SetupTable, StationFile};
-use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::types::ModuleConfig;
 use super::values::{choice, name, number, time};
 use super::{dp, gpio};
 use crate::finding::{Finding, Level, Text};
@@ -33,26 +33,14 @@ struct Placement {
 
 /// Keys of a coupler at another module. `is_behind_bus`: that module has a bus nevertheless.
 pub(super) fn no_keys(f: &mut Findings<'_>, table: &ModuleTable, is_behind_bus: bool) {
-    for (key, at) in [
-        ("bus", table.bus.as_ref().filter(|_| !is_behind_bus).map(Placed::span)),
-        ("unit", table.unit.as_ref().map(Placed::span)),
-        ("inputs", table.inputs.as_ref().map(Placed::span)),
-        ("outputs", table.outputs.as_ref().map(Placed::span)),
-        ("setup", table.setup.as_ref().map(Placed::span)),
-        ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span)),
-        ("profile", table.profile.as_ref().map(Placed::span)),
-        ("watchdog", table.watchdog.as_ref().map(Placed::span)),
-        ("period", table.period.as_ref().map(Placed::span)),
-        ("refresh", table.refresh.as_ref().map(Placed::span)),
-        ("lost_after", table.lost_after.as_ref().map(Placed::span)),
-        ("on_loss", table.on_loss.as_ref().map(Placed::span)),
-        ("diagnostic", table.diagnostic.as_ref().map(Placed::span)),
-        ("station", table.station.as_ref().map(Placed::span)),
-        ("gsd", table.gsd.as_ref().map(Placed::span)),
-        ("slots", table.slots.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` belongs to a coupler"), "leave it out here");
+    for (key, at) in table.given() {
+        match key {
+            "bus" if is_behind_bus => {}
+            "bus" | "unit" | "inputs" | "outputs" | "setup" | "watchdog_reset" | "profile" | "watchdog" | "period"
+            | "refresh" | "lost_after" | "on_loss" | "diagnostic" | "station" | "gsd" | "slots" => {
+                f.error(CONTRADICTION, at, format!("`{key}` belongs to a coupler"), "leave it out here");
+            }
+            _ => {}
         }
     }
 }
@@ -107,9 +95,9 @@ pub(super) fn modules(
         inputs: inputs.iter().map(|placement| placement.range).collect(),
         outputs: outputs.iter().map(|placement| placement.range).collect(),
     };
-    let diagnostic = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
+    let diagnostic = number(f, "diagnostic", table.diagnostic.as_ref(), 1..=16_383, 0);
     let station = Station {
-        diagnostic: diagnostic.as_ref().map_or(0, |(address, _)| *address),
+        diagnostic,
         // On connections of their own, units may be alike.
         number: match building.kind {
             BusKind::ModbusRtu => unit,
@@ -126,7 +114,7 @@ pub(super) fn modules(
         return Vec::new();
     }
     let Some(line) = building.line_of(f, table.line.as_ref(), table.kind.span(), folder) else { return Vec::new() };
-    if !building.add(line, config, station, diagnostic.map(|(_, at)| at.span())) {
+    if !building.add(line, config, station, table.diagnostic.as_ref().map(Placed::span)) {
         let at = table.unit.as_ref().map_or_else(|| table.kind.span(), Placed::span);
         let remedy = "each coupler on a line has a unit of its own";
         f.error(TWICE, at, format!("there is a coupler with unit {unit} on this line already"), remedy);
@@ -165,38 +153,26 @@ fn one(
         speaks: n == 0,
     };
     let name = if n == 0 { name.to_owned() } else { format!("{name}.{}", n + 1) };
-    let config = ModuleConfig {
-        name,
-        input_address: first_input,
-        output_address: first_output,
-        absent: Absent::Fault,
-        substitute: Vec::new(),
-        driver: None,
-        kind: ModuleKind::Remote { bus, module },
-    };
+    let config = config(name, (first_input, first_output), bus, module);
     (config, [at_input, at_output])
 }
 
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
-    for (key, at, remedy) in [
-        ("address", table.address.as_ref().map(Placed::span), "`at` of each range is its address"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`at` of each range is its address"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range is its address"),
-        ("bytes", table.bytes.as_ref().map(Placed::span), "`registers` or `bits` of each range say how long it is"),
-        ("channels", table.channels.as_ref().map(Placed::span), "`registers` of each range say how long it is"),
-        ("params", table.params.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
-        ("raw", table.raw.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
-        ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
-        ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each range of `inputs`"),
-        ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
-        ("station", table.station.as_ref().map(Placed::span), "it is the address of a DP slave; a coupler has `unit`"),
-        ("gsd", table.gsd.as_ref().map(Placed::span), "leave it out: only a DP slave has a GSD file"),
-        ("slots", table.slots.as_ref().map(Placed::span), "leave it out: only a DP slave has slots"),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` does not belong to a coupler"), remedy);
-        }
+    for (key, at) in table.given() {
+        let remedy = match key {
+            "address" | "input_address" | "output_address" => "`at` of each range is its address",
+            "bytes" => "`registers` or `bits` of each range say how long it is",
+            "channels" => "`registers` of each range say how long it is",
+            "params" | "raw" => "write the registers to set on connect in `setup`",
+            "absent" => "`on_loss` sets the values of its inputs",
+            "abd" | "driver" => "leave it out here",
+            "substitute" => "write it in each range of `inputs`",
+            "station" => "it is the address of a DP slave; a coupler has `unit`",
+            "gsd" => "leave it out: only a DP slave has a GSD file",
+            "slots" => "leave it out: only a DP slave has slots",
+            _ => continue,
+        };
+        f.error(CONTRADICTION, at, format!("`{key}` does not belong to a coupler"), remedy);
     }
 }
 

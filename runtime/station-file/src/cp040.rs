@@ -7,7 +7,7 @@ use ob1_params::{Cp040, CpKind};
 
 use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of, zeros_of};
 use super::findings::{CONTRADICTION, Findings};
-use super::tables::{ModuleTable, Placed};
+use super::tables::ModuleTable;
 use super::types::ModuleKind;
 use super::values::number;
 
@@ -15,13 +15,13 @@ use super::values::number;
 const IO_SIZES: std::ops::RangeInclusive<i64> = 8..=60;
 
 pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleKind> {
-    for (key, at, remedy) in [
-        ("channels", table.channels.as_ref().map(Placed::span), "leave it out: `bytes` is the IO size"),
-        ("abd", table.abd.as_ref().map(Placed::span), "leave it out: DBB_NO of its blocks counts bytes"),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a CP 040"), remedy);
-        }
+    for (key, at) in table.given() {
+        let remedy = match key {
+            "channels" => "leave it out: `bytes` is the IO size",
+            "abd" => "leave it out: DBB_NO of its blocks counts bytes",
+            _ => continue,
+        };
+        f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a CP 040"), remedy);
     }
     let params = keys_or_bytes(f, table, ("CP 040", CP040), |keys| Cp040::from_keys(keys), Cp040::of_bytes)?;
     characters_of_modbus(f, table, &params.common);

@@ -17,9 +17,9 @@ use super::building::{Building, BusKind};
 use super::dp_master;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, UNREADABLE, VALUE};
 use super::line::Line;
-use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
+use super::remote::{LOST_AFTER, Loss, address, config, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
-use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
+use super::types::{Bus, ModuleConfig};
 use super::values::{name, number, time};
 use crate::finding::nearest;
 
@@ -48,14 +48,8 @@ const TEXTS: usize = 2048;
 /// The parameters of a PROFIBUS; keys of it at another bus are mistakes.
 pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: Option<&Line>) -> Option<DpConfig> {
     if kind != BusKind::Dp {
-        for (key, at) in [
-            ("address", table.address.as_ref().map(Placed::span)),
-            ("hsa", table.hsa.as_ref().map(Placed::span)),
-            ("slot_bits", table.slot_bits.as_ref().map(Placed::span)),
-            ("retries", table.retries.as_ref().map(Placed::span)),
-            ("watchdog", table.watchdog.as_ref().map(Placed::span)),
-        ] {
-            if let Some(at) = at {
+        for (key, at) in table.given() {
+            if matches!(key, "address" | "hsa" | "slot_bits" | "retries" | "watchdog") {
                 f.error(CONTRADICTION, at, format!("`{key}` belongs to a bus of type \"dp\""), "leave it out here");
             }
         }
@@ -176,9 +170,9 @@ pub(super) fn modules(
         texts,
         fields,
     };
-    let address = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
+    let diagnostic = number(f, "diagnostic", table.diagnostic.as_ref(), 1..=16_383, 0);
     let of_program = Station {
-        diagnostic: address.as_ref().map_or(0, |(address, _)| *address),
+        diagnostic,
         number: station,
         lost_after,
         // Module faults of a DP slave raise OB 82, unless `diagnostics = false`.
@@ -186,7 +180,7 @@ pub(super) fn modules(
         dp: Some(DpStation { diagnosis, ident: gsd.ident(), master: config.address }),
     };
     let Some(line) = building.line_of(f, table.line.as_ref(), table.kind.span(), folder) else { return Vec::new() };
-    if !building.add_slave(line, slave, of_program, address.as_ref().map(|(_, at)| at.span())) {
+    if !building.add_slave(line, slave, of_program, table.diagnostic.as_ref().map(Placed::span)) {
         let message = format!("the address {station} is taken on this bus");
         f.error(TWICE, number_of.span(), message, "each slave has an address of its own, and the master its `address`");
     }
@@ -219,23 +213,6 @@ struct Pieces {
 fn itself(name: &str, bus: usize, station: usize) -> ModuleConfig {
     let module = BusModuleConfig { station, speaks: true, ..BusModuleConfig::default() };
     config(name.to_owned(), (0, 0), bus, module)
-}
-
-fn config(
-    name: String,
-    (input_address, output_address): (u32, u32),
-    bus: usize,
-    module: BusModuleConfig,
-) -> ModuleConfig {
-    ModuleConfig {
-        name,
-        input_address,
-        output_address,
-        absent: Absent::Fault,
-        substitute: Vec::new(),
-        driver: None,
-        kind: ModuleKind::Remote { bus, module },
-    }
 }
 
 fn of_slot(
@@ -290,29 +267,24 @@ fn of_slot(
 }
 
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
-    for (key, at, remedy) in [
-        ("unit", table.unit.as_ref().map(Placed::span), "the address of a slave is `station`"),
-        ("inputs", table.inputs.as_ref().map(Placed::span), "write them in `slots`"),
-        ("outputs", table.outputs.as_ref().map(Placed::span), "write them in `slots`"),
-        ("setup", table.setup.as_ref().map(Placed::span), "write the parameters of the slave in `params`"),
-        ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span), "leave it out here"),
-        ("profile", table.profile.as_ref().map(Placed::span), "its GSD file says what it is"),
-        ("watchdog", table.watchdog.as_ref().map(Placed::span), "write it in the [[bus]] table"),
-        ("period", table.period.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
-        ("refresh", table.refresh.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
-        ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot are its addresses"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`inputs` of each slot are its addresses"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`outputs` of each slot are its addresses"),
-        ("bytes", table.bytes.as_ref().map(Placed::span), "the GSD file says how long a module is"),
-        ("channels", table.channels.as_ref().map(Placed::span), "the GSD file says how long a module is"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
-        ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
-        ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each slot with inputs"),
-        ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` does not belong to a DP slave"), remedy);
-        }
+    for (key, at) in table.given() {
+        let remedy = match key {
+            "unit" => "the address of a slave is `station`",
+            "inputs" | "outputs" => "write them in `slots`",
+            "setup" => "write the parameters of the slave in `params`",
+            "watchdog_reset" | "abd" | "driver" => "leave it out here",
+            "profile" => "its GSD file says what it is",
+            "watchdog" => "write it in the [[bus]] table",
+            "period" | "refresh" => "a slave is asked in each round of the bus",
+            "address" => "`inputs` and `outputs` of each slot are its addresses",
+            "input_address" => "`inputs` of each slot are its addresses",
+            "output_address" => "`outputs` of each slot are its addresses",
+            "bytes" | "channels" => "the GSD file says how long a module is",
+            "absent" => "`on_loss` sets the values of its inputs",
+            "substitute" => "write it in each slot with inputs",
+            _ => continue,
+        };
+        f.error(CONTRADICTION, at, format!("`{key}` does not belong to a DP slave"), remedy);
     }
 }
 

@@ -8,7 +8,7 @@ use ob1_host::bus::{DP_AREA_BYTES, DpAreas, DpPiece, area_bytes};
 use super::building::{BusKind, Buses};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, TWICE, VALUE};
 use super::remote::bus_of;
-use super::tables::{ModuleTable, Placed};
+use super::tables::ModuleTable;
 use super::types::{ModuleConfig, ModuleKind};
 
 /// A CP takes its bus, before its slaves are read.
@@ -28,20 +28,13 @@ pub(super) fn claim(f: &mut Findings<'_>, table: &ModuleTable, buses: &mut Buses
 
 /// The module of the CP, which must belong to one bus.
 pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<ModuleKind> {
-    for (key, at) in [
-        ("line", table.line.as_ref().map(Placed::span)),
-        ("params", table.params.as_ref().map(Placed::span)),
-        ("raw", table.raw.as_ref().map(Placed::span)),
-        ("bytes", table.bytes.as_ref().map(Placed::span)),
-        ("channels", table.channels.as_ref().map(Placed::span)),
-        ("absent", table.absent.as_ref().map(Placed::span)),
-        ("abd", table.abd.as_ref().map(Placed::span)),
-        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
-        ("link", table.link.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
-            let remedy = "leave it out: line and parameters belong in its [[bus]] table";
-            f.error(CONTRADICTION, at, format!("a CP 342-5 has no `{key}`"), remedy);
+    for (key, at) in table.given() {
+        match key {
+            "line" | "params" | "raw" | "bytes" | "channels" | "absent" | "abd" | "diagnostics" | "link" => {
+                let remedy = "leave it out: line and parameters belong in its [[bus]] table";
+                f.error(CONTRADICTION, at, format!("a CP 342-5 has no `{key}`"), remedy);
+            }
+            _ => {}
         }
     }
     let bus = bus_of(f, table, buses)?;
@@ -51,14 +44,9 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -
 
 /// Refuses keys that only a slave of the CPU itself has.
 pub(super) fn no_addresses(f: &mut Findings<'_>, table: &ModuleTable) {
-    for (key, at) in [
-        ("diagnostic", table.diagnostic.as_ref().map(Placed::span)),
-        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
-            let message = format!("`{key}` does not belong to a slave behind a CP 342-5");
-            f.error(CONTRADICTION, at, message, "leave it out: DP_DIAG reads its diagnosis");
-        }
+    for (key, at) in table.given().filter(|(key, _)| matches!(*key, "diagnostic" | "diagnostics")) {
+        let message = format!("`{key}` does not belong to a slave behind a CP 342-5");
+        f.error(CONTRADICTION, at, message, "leave it out: DP_DIAG reads its diagnosis");
     }
 }
 

@@ -79,9 +79,7 @@ impl Finding {
         }
         Self { level, code: code.into(), file: file.into(), line: 0, column: 0, message, remedy, count: 1, text }
     }
-}
 
-impl Finding {
     /// A finding about a line of a file that is not at hand.
     #[must_use]
     pub fn in_line(level: Level, code: &str, file: &str, line: u32, message: String, remedy: &str) -> Self {

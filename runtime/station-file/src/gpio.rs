@@ -12,9 +12,9 @@ use ob1_time::Span;
 use super::building::Building;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::line::Line;
-use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
+use super::remote::{LOST_AFTER, Loss, address, config, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, RangeTable};
-use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::types::ModuleConfig;
 use super::values::{choice, name, number, time};
 
 const MS: Span = Span::MILLISECOND;
@@ -25,12 +25,8 @@ const LINES: usize = 64;
 
 /// The device of a chip: `gpiochip0`, or its path.
 pub(super) fn chip(f: &mut Findings<'_>, table: &BusTable) -> Option<Line> {
-    for (key, at) in
-        [("line", table.line.as_ref().map(Placed::span)), ("timeout", table.timeout.as_ref().map(Placed::span))]
-    {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("a GPIO chip has no `{key}`"), "chip = \"gpiochip0\"");
-        }
+    for (key, at) in table.given().filter(|(key, _)| matches!(*key, "line" | "timeout")) {
+        f.error(CONTRADICTION, at, format!("a GPIO chip has no `{key}`"), "chip = \"gpiochip0\"");
     }
     let Some(chip) = &table.chip else {
         f.error(
@@ -52,14 +48,8 @@ pub(super) fn chip(f: &mut Findings<'_>, table: &BusTable) -> Option<Line> {
 
 /// Keys of a GPIO chip's lines at a coupler.
 pub(super) fn no_keys(f: &mut Findings<'_>, table: &RangeTable) {
-    for (key, at) in [
-        ("lines", table.lines.as_ref().map(Placed::span)),
-        ("active_low", table.active_low.as_ref().map(Placed::span)),
-        ("bias", table.bias.as_ref().map(Placed::span)),
-        ("debounce", table.debounce.as_ref().map(Placed::span)),
-        ("drive", table.drive.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
+    for (key, at) in table.given() {
+        if matches!(key, "lines" | "active_low" | "bias" | "debounce" | "drive") {
             f.error(CONTRADICTION, at, format!("`{key}` belongs to the lines of a GPIO chip"), "leave it out here");
         }
     }
@@ -104,16 +94,10 @@ pub(super) fn modules(
     if let Some(wrong) = table.period.as_ref().filter(|_| !(MS..=1000 * MS).contains(&gpio.period)) {
         f.error(VALUE, wrong.span(), "the inputs cannot be read in this period", "\"1ms\" to \"1s\"");
     }
-    let address = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
-    let station = Station {
-        diagnostic: address.as_ref().map_or(0, |(address, _)| *address),
-        number: 1,
-        lost_after: LOST_AFTER,
-        interrupts: false,
-        dp: None,
-    };
+    let diagnostic = number(f, "diagnostic", table.diagnostic.as_ref(), 1..=16_383, 0);
+    let station = Station { diagnostic, number: 1, lost_after: LOST_AFTER, interrupts: false, dp: None };
     let place = building.stations();
-    if !building.add_chip(gpio, station, address.map(|(_, at)| at.span())) {
+    if !building.add_chip(gpio, station, table.diagnostic.as_ref().map(Placed::span)) {
         f.error(TWICE, table.name.span(), "the chip has a module already", "one module has all lines of a chip");
         return Vec::new();
     }
@@ -131,15 +115,7 @@ pub(super) fn modules(
                 on_loss: if is_output { OnLoss::Zero } else { loss.with(piece.substitute) },
                 speaks: all.is_empty(),
             };
-            let config = ModuleConfig {
-                name,
-                input_address: piece.first,
-                output_address: piece.first,
-                absent: Absent::Fault,
-                substitute: Vec::new(),
-                driver: None,
-                kind: ModuleKind::Remote { bus, module },
-            };
+            let config = config(name, (piece.first, piece.first), bus, module);
             all.push((config, [piece.at.clone(), piece.at]));
         }
     }
@@ -193,56 +169,27 @@ fn pieces(
 }
 
 fn wrong_keys(f: &mut Findings<'_>, range: &RangeTable, outputs: bool) {
-    for (key, at) in [
-        ("from", range.from.as_ref().map(Placed::span)),
-        ("to", range.to.as_ref().map(Placed::span)),
-        ("registers", range.registers.as_ref().map(Placed::span)),
-        ("bits", range.bits.as_ref().map(Placed::span)),
-        ("order", range.order.as_ref().map(Placed::span)),
-        ("bias", range.bias.as_ref().filter(|_| outputs).map(Placed::span)),
-        ("debounce", range.debounce.as_ref().filter(|_| outputs).map(Placed::span)),
-        ("drive", range.drive.as_ref().filter(|_| !outputs).map(Placed::span)),
-    ] {
-        if let Some(at) = at {
-            let what = if outputs { "outputs" } else { "inputs" };
-            f.error(
-                CONTRADICTION,
-                at,
-                format!("`{key}` does not belong to {what} of a GPIO chip"),
-                "leave it out here",
-            );
+    let what = if outputs { "outputs" } else { "inputs" };
+    for (key, at) in range.given() {
+        let is_foreign = match key {
+            "from" | "to" | "registers" | "bits" | "order" => true,
+            "bias" | "debounce" => outputs,
+            "drive" => !outputs,
+            _ => false,
+        };
+        if is_foreign {
+            let message = format!("`{key}` does not belong to {what} of a GPIO chip");
+            f.error(CONTRADICTION, at, message, "leave it out here");
         }
     }
 }
 
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
-    for (key, at) in [
-        ("line", table.line.as_ref().map(Placed::span)),
-        ("unit", table.unit.as_ref().map(Placed::span)),
-        ("station", table.station.as_ref().map(Placed::span)),
-        ("gsd", table.gsd.as_ref().map(Placed::span)),
-        ("slots", table.slots.as_ref().map(Placed::span)),
-        ("setup", table.setup.as_ref().map(Placed::span)),
-        ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span)),
-        ("profile", table.profile.as_ref().map(Placed::span)),
-        ("watchdog", table.watchdog.as_ref().map(Placed::span)),
-        ("refresh", table.refresh.as_ref().map(Placed::span)),
-        ("lost_after", table.lost_after.as_ref().map(Placed::span)),
-        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
-        ("address", table.address.as_ref().map(Placed::span)),
-        ("input_address", table.input_address.as_ref().map(Placed::span)),
-        ("output_address", table.output_address.as_ref().map(Placed::span)),
-        ("bytes", table.bytes.as_ref().map(Placed::span)),
-        ("channels", table.channels.as_ref().map(Placed::span)),
-        ("params", table.params.as_ref().map(Placed::span)),
-        ("raw", table.raw.as_ref().map(Placed::span)),
-        ("absent", table.absent.as_ref().map(Placed::span)),
-        ("abd", table.abd.as_ref().map(Placed::span)),
-        ("substitute", table.substitute.as_ref().map(Placed::span)),
-        ("driver", table.driver.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` does not belong to a GPIO chip"), "leave it out here");
+    for (key, at) in table.given() {
+        match key {
+            "type" | "name" | "bus" | "link" | "interface" | "inputs" | "outputs" | "period" | "on_loss"
+            | "diagnostic" => {}
+            _ => f.error(CONTRADICTION, at, format!("`{key}` does not belong to a GPIO chip"), "leave it out here"),
         }
     }
 }

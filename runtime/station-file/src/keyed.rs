@@ -6,21 +6,20 @@ use ob1_params::{Cp341, CpKind};
 
 use super::cp_keys::{from_keys, line_of};
 use super::findings::{CONTRADICTION, Findings, MISSING};
-use super::tables::{ModuleTable, Placed};
+use super::tables::ModuleTable;
 use super::types::ModuleKind;
 
 pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path, kind: CpKind) -> Option<ModuleKind> {
     let cp = kind.row().text;
     let bytes = format!("leave it out: a {cp} has 16 bytes each way");
-    for (key, at, remedy) in [
-        ("bytes", table.bytes.as_ref().map(Placed::span), bytes.as_str()),
-        ("channels", table.channels.as_ref().map(Placed::span), bytes.as_str()),
-        ("abd", table.abd.as_ref().map(Placed::span), "leave it out: DBB_NO of its blocks counts bytes"),
-        ("raw", table.raw.as_ref().map(Placed::span), "write `params` instead: its parameters have no other form"),
-    ] {
-        if let Some(at) = at {
-            f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a {cp}"), remedy);
-        }
+    for (key, at) in table.given() {
+        let remedy = match key {
+            "bytes" | "channels" => bytes.as_str(),
+            "abd" => "leave it out: DBB_NO of its blocks counts bytes",
+            "raw" => "write `params` instead: its parameters have no other form",
+            _ => continue,
+        };
+        f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a {cp}"), remedy);
     }
     let Some(given) = &table.params else {
         let remedy = "params = { protocol = \"3964r\", baud = 9600 }";

@@ -190,15 +190,8 @@ fn addresses(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> Option<(u32
 }
 
 fn io_bytes(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> u16 {
-    for (key, given) in [
-        ("params", table.params.as_ref().map(Placed::span)),
-        ("raw", table.raw.as_ref().map(Placed::span)),
-        ("line", table.line.as_ref().map(Placed::span)),
-        ("absent", table.absent.as_ref().map(Placed::span)),
-        ("abd", table.abd.as_ref().map(Placed::span)),
-        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
-    ] {
-        if let Some(at) = given {
+    for (key, at) in table.given() {
+        if matches!(key, "params" | "raw" | "line" | "absent" | "abd" | "diagnostics") {
             f.error(CONTRADICTION, at, format!("`{key}` belongs to a communication processor"), "leave it out here");
         }
     }
@@ -225,11 +218,9 @@ fn io_bytes(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> u16 {
 }
 
 fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleKind> {
-    for (key, given) in [("bytes", &table.bytes), ("channels", &table.channels)] {
-        if let Some(value) = given {
-            let message = format!("`{key}` cannot be chosen for a CP 240");
-            f.error(CONTRADICTION, value.span(), message, "leave it out: a CP 240 has 16 bytes each way");
-        }
+    for (key, at) in table.given().filter(|(key, _)| matches!(*key, "bytes" | "channels")) {
+        let message = format!("`{key}` cannot be chosen for a CP 240");
+        f.error(CONTRADICTION, at, message, "leave it out: a CP 240 has 16 bytes each way");
     }
     let mut params = keys_or_bytes(f, table, ("CP 240", CP240), |keys| Cp240::from_keys(keys), Cp240::of_bytes)?;
     params.interface = interface_of(f, table, &params);

@@ -3,12 +3,13 @@
 use std::ops;
 
 use ob1_backplane::BUS_AREA_BYTES;
-use ob1_host::bus::OnLoss;
+use ob1_host::bus::{BusModuleConfig, OnLoss};
 use ob1_time::Span;
 
 use super::building::Buses;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, VALUE};
 use super::tables::{ModuleTable, Placed};
+use super::types::{Absent, ModuleConfig, ModuleKind};
 use super::values::{choice, number};
 use crate::finding::nearest;
 
@@ -105,4 +106,22 @@ pub(super) fn address(f: &mut Findings<'_>, text: &Placed<String>, outputs: bool
         f.error(ADDRESS, text.span(), format!("\"{written}\" is not an address for {what}"), remedy);
     }
     number.filter(|_| known)
+}
+
+/// What the CPU sees of a part of a module on a bus.
+pub(super) fn config(
+    name: String,
+    (input_address, output_address): (u32, u32),
+    bus: usize,
+    module: BusModuleConfig,
+) -> ModuleConfig {
+    ModuleConfig {
+        name,
+        input_address,
+        output_address,
+        absent: Absent::Fault,
+        substitute: Vec::new(),
+        driver: None,
+        kind: ModuleKind::Remote { bus, module },
+    }
 }

@@ -1,6 +1,7 @@
 //! The station file as it is written: one struct a table, unknown keys refused. `check` gives the values their meaning.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -11,16 +12,34 @@ pub(super) type Placed<T> = Spanned<T>;
 /// A table of the file whose keys lie together, with the places of keys and values.
 pub(super) type Table = BTreeMap<Placed<String>, Placed<toml::Value>>;
 
+/// A value with its place, which the file may leave out.
+trait MayBeGiven {
+    fn place(&self) -> Option<Range<usize>>;
+}
+
+impl<T> MayBeGiven for Placed<T> {
+    fn place(&self) -> Option<Range<usize>> {
+        Some(self.span())
+    }
+}
+
+impl<T> MayBeGiven for Option<Placed<T>> {
+    fn place(&self) -> Option<Range<usize>> {
+        self.as_ref().map(Placed::span)
+    }
+}
+
 /// Makes the structs of the tables with a header, and [`KEYS`]. A key stands in front of its field if that cannot have
-/// its name.
+/// its name. A table that is `shared` by several kinds says which of its keys the file gives: not each kind has all.
 macro_rules! tables {
-    ($($(#[$on:meta])* struct $table:ident in $header:literal {
+    ($($(#[$on:meta])* struct $table:ident in $header:literal $($shared:ident)? {
         $($(#[$attribute:meta])* $($key:literal =)? $field:ident: $ty:ty,)*
     })*) => {
         $(#[derive(Debug, Deserialize)]
         #[serde(deny_unknown_fields)]
         $(#[$on])*
-        pub(super) struct $table { $($(#[$attribute])* $(#[serde(rename = $key)])? pub(super) $field: $ty,)* })*
+        pub(super) struct $table { $($(#[$attribute])* $(#[serde(rename = $key)])? pub(super) $field: $ty,)* }
+        tables!(keys [$($shared)?] $table $([$($key)? $field])*);)*
 
         /// The headers of tables, each with its keys.
         pub(super) const KEYS: &[(&str, &[&str])] =
@@ -28,6 +47,16 @@ macro_rules! tables {
     };
     (key $key:literal $field:ident) => { $key };
     (key $field:ident) => { stringify!($field) };
+    (keys [] $($rest:tt)*) => {};
+    (keys [shared] $table:ident $([$($key:literal)? $field:ident])*) => {
+        impl $table {
+            /// The keys that the file gives, each with its place.
+            pub(super) fn given(&self) -> impl Iterator<Item = (&'static str, Range<usize>)> + use<> {
+                let all = [$((tables!(key $($key)? $field), self.$field.place())),*];
+                all.into_iter().filter_map(|(key, at)| Some((key, at?)))
+            }
+        }
+    };
 }
 
 tables! {
@@ -163,7 +192,7 @@ tables! {
         blocks: BTreeMap<Placed<String>, Placed<String>>,
     }
 
-    struct ModuleTable in "[[module]]" {
+    struct ModuleTable in "[[module]]" shared {
         "type" = kind: Placed<String>,
         name: Placed<String>,
         address: Option<Placed<i64>>,
@@ -200,7 +229,7 @@ tables! {
     }
 
     /// A bus with remote modules.
-    struct BusTable in "[[bus]]" {
+    struct BusTable in "[[bus]]" shared {
         name: Placed<String>,
         "type" = kind: Placed<String>,
         line: Option<Placed<String>>,
@@ -300,6 +329,9 @@ pub(super) struct RangeTable {
     pub(super) drive: Option<Placed<String>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
 }
+
+tables!(keys [shared] RangeTable [at] [from] [to] [registers] [bits] [order] [lines] [active_low] [bias] [debounce]
+    [drive] [substitute]);
 
 /// What a coupler is written on connect.
 #[derive(Debug, Deserialize)]

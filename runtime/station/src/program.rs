@@ -50,11 +50,10 @@ pub enum LoadFailure {
     Rejected(Vec<Finding>),
 }
 
-impl LoadFailure {
+impl From<LoadFailure> for Vec<Finding> {
     /// What was found: at least one error.
-    #[must_use]
-    pub fn findings(&self) -> &[Finding] {
-        match self {
+    fn from(failure: LoadFailure) -> Self {
+        match failure {
             LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
         }
     }

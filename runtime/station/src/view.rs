@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time;
 
 use ob1_access::alarms::AlarmTexts;
+use ob1_access::door::Diagnosis;
 use ob1_backplane::{BufferEntry, Counter, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
@@ -148,9 +149,7 @@ impl ModuleView {
             reason: self.reason(now),
         }
     }
-}
 
-impl ModuleView {
     /// What a CP waits for, or what has failed; `now` by the clock of the runtime.
     pub(crate) fn reason(&self, now: Instant) -> Option<ReasonStatus> {
         reason_texts::of(self.cp?, self.monitor.as_ref()?, now)
@@ -189,16 +188,16 @@ impl StationView {
 
     /// An entry of the CPU's diagnostic buffer as others see it.
     #[must_use]
-    pub fn diagnostic(&self, entry: &DiagEntry) -> Diagnostic {
+    pub fn diagnostic(&self, entry: Diagnosis) -> Diagnostic {
         Diagnostic {
             number: entry.number,
-            time_ns: entry.time.nanos(),
-            unix_ns: self.unix_at(entry.time),
-            event: event_number(entry.event.0),
-            text: entry.to_string(),
-            place: self.known.get().places.of(entry).unwrap_or_default(),
-            because: self.stood_in_the_way(entry).unwrap_or_default(),
-            remedy: self.remedy(entry).to_owned(),
+            time_ns: entry.time,
+            unix_ns: self.unix_at(Instant::from_nanos(entry.time)),
+            event: event_number(entry.event),
+            text: entry.text,
+            place: entry.place,
+            because: entry.because,
+            remedy: entry.remedy,
         }
     }
 

@@ -3,7 +3,7 @@
 use ob1_cpu::Histogram;
 use ob1_time::Span;
 
-use super::snapshot::{BlockTiming, ObTiming, Spread, Timing};
+use super::snapshot::{ObTiming, Spread, Timing};
 
 impl Timing {
     /// Takes over the scans of another station, which were read with their buckets. Times by the clock, the interval
@@ -29,7 +29,7 @@ impl Timing {
         }
         for block in &other.blocks {
             match self.blocks.iter_mut().find(|known| (&known.block, &known.name) == (&block.block, &block.name)) {
-                Some(known) => BlockTiming::merge(known, block),
+                Some(known) => known.execution.merge(&block.execution),
                 None => self.blocks.push(block.clone()),
             }
         }
@@ -43,12 +43,6 @@ impl ObTiming {
         self.overruns = self.overruns.saturating_add(other.overruns);
         self.execution.merge(&other.execution);
         self.lateness.merge(&other.lateness);
-    }
-}
-
-impl BlockTiming {
-    fn merge(&mut self, other: &Self) {
-        self.execution.merge(&other.execution);
     }
 }
 

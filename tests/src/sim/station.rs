@@ -56,11 +56,11 @@ impl SimStation {
         spoil: &dyn Fn(&mut CpSettings),
     ) -> Result<Self, String> {
         let station = ob1_station_file::load(path).map_err(|findings| texts(&findings))?;
-        let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
+        let loaded = program::load(&station).map_err(|failure| texts(&Vec::from(failure)))?;
         let mut own = Vec::new();
         let modules = modules(&station, plug, drivers, &mut own, rng, spoil)?;
         let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
-        let natives = loaded.native_blocks(&seen).map_err(|failure| texts(failure.findings()))?;
+        let natives = loaded.native_blocks(&seen).map_err(|failure| texts(&Vec::from(failure)))?;
         let mut cpu = Cpu::new(
             station.cpu.clone(),
             &loaded.program,

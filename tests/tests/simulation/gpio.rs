@@ -77,7 +77,7 @@ impl Board {
         std::fs::write(folder.path().join("board.awl"), PROGRAM).expect("room for a file");
         let station = ob1_station_file::parse(FILE, "board.toml", folder.path());
         let station = station.unwrap_or_else(|findings| panic!("{findings:#?}"));
-        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{failure:?}"));
         let of = &station.buses[0];
         let (mut bus, host) = SimulatedBus::new(of, Vec::new(), Instant::from_millis(5));
         let chip = Rc::new(RefCell::new(Chip { inputs: vec![true, false], ..Chip::default() }));
@@ -92,7 +92,7 @@ impl Board {
                 (ModuleSlot { bus: Some(place), ..assembly::slot(config) }, host.module(module.clone()))
             })
             .collect();
-        let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{failure:?}"));
         let mut cpu = Cpu::new(
             station.cpu.clone(),
             &loaded.program,

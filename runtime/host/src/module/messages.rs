@@ -5,13 +5,14 @@
 //! line would push everything else out of the buffer. The CP itself lists and counts them, and says what it waits for
 //! (docs/driver.md, "Events").
 
-use std::fmt::{self, Write};
+use std::fmt;
 
 use ob1_backplane::{EventKind, Fault};
 use ob1_cpu::ModuleEvent;
 use ob1_model::Event;
 use ob1_time::{Instant, Span};
 
+use crate::line::Line;
 use crate::supervisor::Report;
 
 /// Numbers of a CP's messages, as `docs/driver.md` lists them.
@@ -188,8 +189,9 @@ impl Messages {
             return Some(text(Event::CP_EVENTS_LOST, format_args!("{events} lost")));
         }
         if let Some(line) = self.line.due(&mut self.states) {
-            return Some(match line {
-                Some(errno) => text(Event::CP_ERROR, format_args!("{}", Gone(errno))),
+            return Some(match line.map(|errno| (errno, line_gone(errno))) {
+                Some((_, Some(why))) => text(Event::CP_ERROR, format_args!("line: {why}")),
+                Some((errno, None)) => text(Event::CP_ERROR, format_args!("line gone, os {errno}")),
                 None => text(Event::CP_ERROR_GONE, format_args!("line up")),
             });
         }
@@ -287,18 +289,6 @@ fn interrupt(event: Event, from: &[u8]) -> ModuleEvent {
     ModuleEvent { event, diagnostic_interrupt: true, data, len: len as u8 }
 }
 
-/// Why a line is gone, in the 16 bytes of an entry: the system's number where no word says more.
-struct Gone(u32);
-
-impl fmt::Display for Gone {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match line_gone(self.0) {
-            Some(why) => write!(f, "line: {why}"),
-            None => write!(f, "line gone, os {}", self.0),
-        }
-    }
-}
-
 /// Why a line is gone, by the system's error number (0: none); `None` where no short word says more than the number.
 pub fn line_gone(errno: u32) -> Option<&'static str> {
     use rustix::io::Errno;
@@ -321,19 +311,8 @@ pub fn line_gone(errno: u32) -> Option<&'static str> {
 
 /// An entry with a text of at most 16 bytes.
 pub(crate) fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
-    struct Short([u8; 16], usize);
-    impl Write for Short {
-        fn write_str(&mut self, s: &str) -> fmt::Result {
-            let part = &s[..s.floor_char_boundary(self.0.len() - self.1)];
-            self.0[self.1..self.1 + part.len()].copy_from_slice(part.as_bytes());
-            self.1 += part.len();
-            Ok(())
-        }
-    }
-    let mut short = Short([0; 16], 0);
-    // Never an error: what does not fit is dropped.
-    let _cut = short.write_fmt(content);
-    ModuleEvent { event, diagnostic_interrupt: false, data: short.0, len: short.1 as u8 }
+    let line = Line::<16>::new(content);
+    ModuleEvent { event, diagnostic_interrupt: false, data: line.bytes, len: line.len as u8 }
 }
 
 #[cfg(test)]
@@ -354,13 +333,10 @@ mod tests {
 
     #[test]
     fn no_number_of_a_driver_is_too_strange_for_a_line_that_is_gone() {
-        for (number, text) in
-            [(0, "line: closed"), (2, "line: no device"), (5, "line: unplugged"), (4095, "line gone, os 4095")]
-        {
-            assert_eq!(Gone(number).to_string(), text);
-        }
-        for number in [4096, i32::MAX as u32, 1 << 31, u32::MAX] {
-            assert_eq!(Gone(number).to_string(), format!("line gone, os {number}"));
+        let known = [(0, Some("closed")), (2, Some("no device")), (5, Some("unplugged")), (4095, None)];
+        let strange = [4096, i32::MAX as u32, 1 << 31, u32::MAX].map(|number| (number, None));
+        for (number, why) in known.into_iter().chain(strange) {
+            assert_eq!(line_gone(number), why, "{number}");
         }
     }
 }

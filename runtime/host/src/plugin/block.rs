@@ -12,7 +12,10 @@ use super::frame::Frame;
 use super::host_table::HOST;
 use super::memory::{State, StationMemory};
 use super::table::{Code, PanicMessage};
-use super::text::{Line, PanicText};
+use crate::line::Line;
+
+/// A text for the diagnostic buffer.
+type Text = Line<{ abi::TEXT_MAX as usize }>;
 
 /// A block of a plugin in one station.
 pub(super) struct PluginBlock {
@@ -42,8 +45,8 @@ impl PluginBlock {
 
     /// The plugin's last panic.
     #[cold]
-    fn panic_text(&self) -> PanicText {
-        let mut text = PanicText { bytes: [0; abi::TEXT_MAX as usize], len: 0 };
+    fn panic_text(&self) -> Text {
+        let mut text = Text { bytes: [0; _], len: 0 };
         if let Some(message) = self.panic_message {
             // SAFETY: a function of the type the interface names; pointer and length are those of an array.
             text.len = unsafe { message(text.bytes.as_mut_ptr(), abi::TEXT_MAX) } as usize;
@@ -55,20 +58,19 @@ impl PluginBlock {
     #[cold]
     fn broken(&self, status: abi::Status, cx: &mut dyn NativeContext) -> Abort {
         let (id, name) = (self.id, self.name.as_str());
-        match status {
+        let (event, line) = match status {
             abi::PANICKED => {
                 let text = self.panic_text();
                 let text = if text.as_str().is_empty() { "a panic without a message" } else { text.as_str() };
-                cx.stop(Event::PLUGIN_PANIC, Line::new(format_args!("{id} {name}: {text}")).as_str())
+                (Event::PLUGIN_PANIC, Text::new(format_args!("{id} {name}: {text}")))
             }
-            abi::ABORT => cx.stop(
-                Event::PLUGIN_STOP,
-                Line::new(format_args!("{id} {name} returned ABORT without being asked to")).as_str(),
-            ),
-            other => {
-                cx.stop(Event::PLUGIN_STOP, Line::new(format_args!("{id} {name} returned status {other}")).as_str())
+            abi::ABORT => {
+                let line = Text::new(format_args!("{id} {name} returned ABORT without being asked to"));
+                (Event::PLUGIN_STOP, line)
             }
-        }
+            other => (Event::PLUGIN_STOP, Text::new(format_args!("{id} {name} returned status {other}"))),
+        };
+        cx.stop(event, line.as_str())
     }
 }
 

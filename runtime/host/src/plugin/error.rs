@@ -1,9 +1,9 @@
 //! Why a plugin is refused: numbered, with a remedy.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use ob1_model::BlockId;
+use ob1_sdk::abi::{ABI_MAJOR, ABI_MINOR, ENTRY_SYMBOL};
 
 /// A plugin was refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -16,15 +16,19 @@ pub struct PluginError {
 }
 
 /// The reason of a refusal. Numbers and remedies are listed in `docs/plugins.md`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// The file cannot be found; what the system says.
+    #[error("cannot be opened ({0})")]
     Missing(String),
     /// The file is not a shared library for this machine, or needs one that is not there; what the loader says.
+    #[error("cannot be loaded ({0})")]
     NotALibrary(String),
     /// It has no function `ob1_plugin`.
+    #[error("is not an ob1 plugin: it has no function `{ENTRY_SYMBOL}`")]
     NoSymbol,
     /// It was built with another major version of the interface.
+    #[error("was built for plugin interface {major}.{minor}, this is {ABI_MAJOR}.{ABI_MINOR}")]
     OtherMajor {
         /// Major version that the plugin was built with.
         major: u16,
@@ -32,12 +36,16 @@ pub enum Refusal {
         minor: u16,
     },
     /// Its table says something impossible.
+    #[error("has a malformed table: {0}")]
     Malformed(String),
     /// Its `init` returned a status other than 0.
+    #[error("refuses to start: its init returned {0}")]
     InitFailed(i32),
     /// The station file gives a number to a block the plugin does not bring.
+    #[error("has no {0}, but the station file gives it a number")]
     NoSuchBlock(BlockId),
     /// The first block would get the id of another, or one of another kind.
+    #[error("{0} cannot become {1}")]
     SameNumber(BlockId, BlockId),
 }
 
@@ -71,26 +79,6 @@ impl Refusal {
                 "give numbers only to blocks the plugin brings; `ob1 check --plugin FILE` lists them"
             }
             Refusal::SameNumber(..) => "give each block a number of its own, of its own kind",
-        }
-    }
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Refusal::Missing(reason) => write!(f, "cannot be opened ({reason})"),
-            Refusal::NotALibrary(reason) => write!(f, "cannot be loaded ({reason})"),
-            Refusal::NoSymbol => write!(f, "is not an ob1 plugin: it has no function `{}`", ob1_sdk::abi::ENTRY_SYMBOL),
-            Refusal::OtherMajor { major, minor } => write!(
-                f,
-                "was built for plugin interface {major}.{minor}, this is {}.{}",
-                ob1_sdk::abi::ABI_MAJOR,
-                ob1_sdk::abi::ABI_MINOR
-            ),
-            Refusal::Malformed(what) => write!(f, "has a malformed table: {what}"),
-            Refusal::InitFailed(status) => write!(f, "refuses to start: its init returned {status}"),
-            Refusal::NoSuchBlock(id) => write!(f, "has no {id}, but the station file gives it a number"),
-            Refusal::SameNumber(from, to) => write!(f, "{from} cannot become {to}"),
         }
     }
 }

@@ -22,6 +22,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use libloading::Library;
 use ob1_cpu::{NativeBlock, Natives};
 use ob1_model::{BlockId, Interface};
+use ob1_sdk::abi::PluginTable;
 
 use block::PluginBlock;
 pub use error::{PluginError, Refusal};
@@ -87,26 +88,20 @@ impl Plugin {
         // Never unloaded: blocks, texts and the panic hook of the plugin stay valid until the process ends.
         let library = ManuallyDrop::new(library);
         let table = table::open(&library).map_err(refuse)?;
-        if let Some(known) = loaded.iter().find(|plugin| plugin.table_address == table.address()) {
+        if let Some(known) = loaded.iter().find(|plugin| plugin.table_address == address(table)) {
             return Ok(Arc::clone(known));
         }
-        let plugin = Arc::new(Self::read(&table, file).map_err(refuse)?);
-        table.init().map_err(refuse)?;
+        let plugin = Arc::new(Self::read(table, file).map_err(refuse)?);
+        table::init(table).map_err(refuse)?;
         loaded.push(Arc::clone(&plugin));
         Ok(plugin)
     }
 
-    fn read(table: &table::Table, path: PathBuf) -> Result<Self, Refusal> {
-        let (blocks, code) = table.blocks()?.into_iter().unzip();
-        let info = PluginInfo { name: table.name()?, version: table.version()?, abi: table.abi(), blocks };
-        Ok(Self {
-            path,
-            info,
-            code,
-            module_state_size: table.module_state_size()?,
-            panic_message: table.panic_message(),
-            table_address: table.address(),
-        })
+    fn read(table: &PluginTable, path: PathBuf) -> Result<Self, Refusal> {
+        let (info, code) = table::read(table)?;
+        let module_state_size = table::state_size(table.module_state_size, "module state")?;
+        let (panic_message, table_address) = (table.panic_message, address(table));
+        Ok(Self { path, info, code, module_state_size, panic_message, table_address })
     }
 
     /// What the plugin says about itself.
@@ -151,6 +146,10 @@ impl Plugin {
 }
 
 /// What the loader says: the library's error puts it after its own text.
+fn address(table: &PluginTable) -> usize {
+    std::ptr::from_ref(table).addr()
+}
+
 fn reason(error: &libloading::Error) -> String {
     std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
 }

@@ -8,7 +8,7 @@ use ob1_sdk::abi::{self as abi, BlockDesc, ParamDesc, PluginEntry, PluginTable};
 
 use super::error::Refusal;
 use super::text::{malformed, text, word};
-use super::{BlockInfo, interface};
+use super::{BlockInfo, PluginInfo, interface};
 
 /// A block's entry and the bytes it keeps per station.
 #[derive(Clone, Copy, Debug)]
@@ -32,13 +32,8 @@ const BLOCKS_MAX: u32 = 4096;
 const PARAMS_MAX: u32 = 1024;
 const STATE_MAX: u32 = 16 << 20;
 
-/// The table of a plugin of our major version, its own fields checked.
-pub(super) struct Table {
-    table: &'static PluginTable,
-}
-
-/// Asks a library for its table.
-pub(super) fn open(library: &Library) -> Result<Table, Refusal> {
+/// Asks a library for its table, that of a plugin of our major version.
+pub(super) fn open(library: &Library) -> Result<&'static PluginTable, Refusal> {
     // SAFETY: the symbol's name is the interface's; a library that gives it another meaning is beyond any check.
     let entry = unsafe { library.get::<PluginEntry>(abi::ENTRY_SYMBOL.as_bytes()) }.map_err(|_| Refusal::NoSymbol)?;
     // SAFETY: a function of the type the interface names.
@@ -57,61 +52,36 @@ pub(super) fn open(library: &Library) -> Result<Table, Refusal> {
         return Err(malformed(format!("its size is {size}, it has at least {}", size_of::<PluginTable>())));
     }
     // SAFETY: static data of a library that is never unloaded, as large as our PluginTable.
-    Ok(Table { table: unsafe { &*table } })
+    Ok(unsafe { &*table })
 }
 
-impl Table {
-    pub(super) fn address(&self) -> usize {
-        std::ptr::from_ref(self.table).addr()
+/// What the table says of the plugin, and the code of its blocks; no two have the same kind and number.
+pub(super) fn read(table: &PluginTable) -> Result<(PluginInfo, Vec<Code>), Refusal> {
+    if table.block_count == 0 || table.block_count > BLOCKS_MAX {
+        return Err(malformed(format!("it lists {} blocks", table.block_count)));
     }
-
-    pub(super) fn abi(&self) -> (u16, u16) {
-        (self.table.abi_major, self.table.abi_minor)
-    }
-
-    pub(super) fn name(&self) -> Result<String, Refusal> {
-        word(self.table.name, "the plugin's name")
-    }
-
-    pub(super) fn version(&self) -> Result<String, Refusal> {
-        text(self.table.version, "the plugin's version")
-    }
-
-    pub(super) fn module_state_size(&self) -> Result<usize, Refusal> {
-        state_size(self.table.module_state_size, "module state")
-    }
-
-    pub(super) fn panic_message(&self) -> Option<PanicMessage> {
-        self.table.panic_message
-    }
-
-    /// Runs the plugin's `init`, if it has one.
-    pub(super) fn init(&self) -> Result<(), Refusal> {
-        let Some(init) = self.table.init else { return Ok(()) };
-        // SAFETY: a function of the type the interface names; called once, on the loading thread (Plugin::load holds
-        // the lock).
-        match unsafe { init() } {
-            abi::OK => Ok(()),
-            status => Err(Refusal::InitFailed(status)),
+    let mut seen = BTreeSet::new();
+    let (mut blocks, mut codes) = (Vec::new(), Vec::new());
+    for desc in entries(table.blocks, table.block_count, |desc| desc.size, "the list of blocks")? {
+        let (info, code) = block(desc)?;
+        if !seen.insert(info.id) {
+            return Err(malformed(format!("it brings {} twice", info.id)));
         }
+        blocks.push(info);
+        codes.push(code);
     }
+    let (name, version) = (word(table.name, "the plugin's name")?, text(table.version, "the plugin's version")?);
+    Ok((PluginInfo { name, version, abi: (table.abi_major, table.abi_minor), blocks }, codes))
+}
 
-    /// Blocks with their code; no two have the same kind and number.
-    pub(super) fn blocks(&self) -> Result<Vec<(BlockInfo, Code)>, Refusal> {
-        let (first, count) = (self.table.blocks, self.table.block_count);
-        if count == 0 || count > BLOCKS_MAX {
-            return Err(malformed(format!("it lists {count} blocks")));
-        }
-        let mut seen = BTreeSet::new();
-        let mut blocks = Vec::new();
-        for desc in entries(first, count, |desc| desc.size, "the list of blocks")? {
-            let (info, code) = block(desc)?;
-            if !seen.insert(info.id) {
-                return Err(malformed(format!("it brings {} twice", info.id)));
-            }
-            blocks.push((info, code));
-        }
-        Ok(blocks)
+/// Runs the plugin's `init`, if it has one.
+pub(super) fn init(table: &PluginTable) -> Result<(), Refusal> {
+    let Some(init) = table.init else { return Ok(()) };
+    // SAFETY: a function of the type the interface names; called once, on the loading thread (Plugin::load holds the
+    // lock).
+    match unsafe { init() } {
+        abi::OK => Ok(()),
+        status => Err(Refusal::InitFailed(status)),
     }
 }
 
@@ -161,7 +131,7 @@ fn entries<T>(first: *const T, count: u32, size: fn(&T) -> u32, list: &str) -> R
     Ok(entries)
 }
 
-fn state_size(bytes: u32, what: &str) -> Result<usize, Refusal> {
+pub(super) fn state_size(bytes: u32, what: &str) -> Result<usize, Refusal> {
     if bytes > STATE_MAX {
         return Err(malformed(format!("{what} takes {bytes} bytes, {STATE_MAX} is the limit")));
     }

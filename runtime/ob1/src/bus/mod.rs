@@ -9,11 +9,12 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use clap::{Args, Subcommand};
+use ob1_station::access::client::AccessError;
 use ob1_station::drivers;
 use ob1_station_file::{self, Bus, Line};
 use serde_json::Value;
 
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 
 /// Look at the buses of a station
 ///
@@ -67,7 +68,7 @@ struct Wanted {
 /// Runs `ob1 bus`, and says how it ended.
 pub(crate) fn run(args: &BusArgs) -> Exit {
     match &args.action {
-        BusAction::Watch(args) => watch::run(args),
+        BusAction::Watch(args) => told(watch::watch(args), AccessError::exit),
         BusAction::Scan(args) => scan(args),
     }
 }

@@ -51,19 +51,8 @@ impl Looks {
         self.before = Some((std::mem::replace(&mut self.now, buses), seconds));
     }
 
-    fn text(&self, only: Option<&str>) -> String {
-        text(&self.now, self.before.as_ref().map(|(before, seconds)| (&before[..], *seconds)), only)
-    }
-}
-
-/// Shows the buses until `q`, the wanted count, or the station's end.
-pub(super) fn run(args: &WatchArgs) -> Exit {
-    match watch(args) {
-        Ok(exit) => exit,
-        Err(error) => {
-            err!("ob1: {error}");
-            error.exit()
-        }
+    fn text(&self) -> String {
+        text(&self.now, self.before.as_ref().map(|(before, seconds)| (&before[..], *seconds)))
     }
 }
 
@@ -73,7 +62,7 @@ fn look(client: &mut Client, only: Option<&str>) -> Result<Vec<BusStatus>, Acces
     Ok(buses)
 }
 
-fn watch(args: &WatchArgs) -> Result<Exit, AccessError> {
+pub(super) fn watch(args: &WatchArgs) -> Result<Exit, AccessError> {
     let mut client = Client::to_station(&args.station)?;
     let only = args.bus.as_deref();
     let now = look(&mut client, only)?;
@@ -110,7 +99,7 @@ fn lines(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<Exi
         if args.json {
             says!("{}\n", serde_json::json!({ "buses": looks.now }));
         } else {
-            says!("{}", looks.text(None));
+            says!("{}", looks.text());
         }
         out::flush();
         count += 1;
@@ -125,10 +114,10 @@ fn lines(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<Exi
 }
 
 fn screen(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<(), AccessError> {
-    let (first, mut count) = (looks.text(None), 1);
+    let (first, mut count) = (looks.text(), 1);
     live_text::show(args.every.into(), first, || {
         let goes_on = args.count.is_none_or(|wanted| count < wanted) && next(args, client, looks)?;
         count += 1;
-        Ok(goes_on.then(|| looks.text(None)))
+        Ok(goes_on.then(|| looks.text()))
     })
 }

@@ -13,7 +13,7 @@ use ob1_model::BlockId;
 use ob1_stl::Library;
 use serde_json::{Value, json};
 
-use crate::exit::DiffExit;
+use crate::exit::{DiffExit, told};
 use crate::import::Unit;
 use blocks::{Change, Text, difference};
 use pictures::Pictures;
@@ -63,10 +63,7 @@ fn block(text: &str) -> Result<ob1_model::BlockId, String> {
 
 /// Compares; prints what there is to print.
 pub fn diff(args: &DiffArgs) -> DiffExit {
-    run(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        DiffExit::Nothing
-    })
+    told(run(args), |_| DiffExit::Nothing)
 }
 
 fn run(args: &DiffArgs) -> Result<DiffExit, String> {

@@ -40,7 +40,7 @@ impl Pictures {
             },
             _ => None,
         };
-        let lines = head(&after).into_iter().chain(paint::lines(&drawing, false, &colour));
+        let lines = head(&after).into_iter().chain(paint::lines(&drawing, &colour));
         Some(lines.map(|line| format!("  {line}\n")).collect())
     }
 }

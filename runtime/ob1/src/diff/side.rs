@@ -2,12 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::Arc;
 
 use ob1_ir::Program;
 use ob1_model::{BlockId, Interface};
 use ob1_project::Language;
-use ob1_station::program::{self, LoadFailure};
 use ob1_station_file::finding::{Finding, Level};
 use ob1_station_file::program_files;
 use ob1_station_file::sources::Sources;
@@ -15,7 +13,8 @@ use ob1_stl::print::Printer;
 use ob1_stl::{Library, Mnemonics, Source};
 
 use super::blocks::{Text, difference, nameless, texts};
-use crate::import::{self, CpuArgs, OfProject, Unit};
+use crate::import::{self, CpuArgs, Unit};
+use crate::xref::Asked;
 
 /// What stands before the name of a CPU on the network.
 const CPU: &str = "cpu:";
@@ -25,35 +24,28 @@ const STATION: &str = "station.toml";
 /// One of the two programs that are compared; see [the module](self).
 #[derive(Clone)]
 pub(crate) struct Side {
-    pub(super) title: String,
+    pub(crate) title: String,
     /// A CPU: its data blocks have their present values.
-    pub(super) runs: bool,
+    pub(crate) runs: bool,
     pub(crate) program: Program,
     pub(crate) library: Library,
     /// The texts of its blocks, of a project those made of them.
     pub(crate) sources: BTreeMap<BlockId, String>,
     /// It is a project, which says how its blocks were made.
     pub(crate) of_project: bool,
-    /// Know-how protected blocks: see [`OfProject::protected`].
+    /// Blocks that are know-how protected: their statements are not shown.
     pub(crate) protected: BTreeSet<BlockId>,
-    /// Blocks made in LAD or FBD: see [`OfProject::made`].
+    /// The language of each block that was made in LAD or FBD, and for each of its networks whether it was edited as
+    /// statements: its comments then have records of lines.
     pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
 }
 
 impl Side {
-    pub(crate) fn of_project(title: String, of: OfProject) -> Self {
-        let OfProject { program, library, sources, made, protected } = of;
-        Self { title, runs: false, program, library, sources, of_project: true, made, protected }
-    }
-
     /// # Errors
     /// Why it cannot be read.
     pub(crate) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {
         let title = path.display().to_string();
         let host = title.strip_prefix(CPU);
-        let runs = host.is_some();
-        let (mut sources_of, mut made, mut protected, mut of_project) =
-            (BTreeMap::new(), BTreeMap::new(), BTreeSet::new(), false);
         let (program, library) = if let Some(host) = host {
             import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
         } else if ob1_station_file::is_station_file(path) {
@@ -70,17 +62,11 @@ impl Side {
                 Err(_) if path.is_dir() && !program_files::expand(&[path.to_owned()], &[]).0.is_empty() => {
                     sources(path)?
                 }
-                project => {
-                    let found = project?;
-                    (sources_of, made, protected, of_project) = (found.sources, found.made, found.protected, true);
-                    (found.program, found.library)
-                }
+                project => return project,
             }
         };
-        if sources_of.is_empty() {
-            sources_of = texts_of(&program);
-        }
-        Ok(Self { title, runs, program, library, sources: sources_of, of_project, made, protected })
+        let sources = texts_of(&program);
+        Ok(Self { runs: host.is_some(), sources, ..Self::of_program(title, program, library) })
     }
 
     /// The program of a CPU on the network.
@@ -137,20 +123,14 @@ fn texts_of(program: &Program) -> BTreeMap<BlockId, String> {
 }
 
 fn station(path: &Path) -> Result<(Program, Library), String> {
-    let station = ob1_station_file::load(path).map_err(|findings| told(&findings))?;
-    let loaded = program::load(&station).map_err(|failure| match failure {
-        LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => told(&findings),
-    })?;
-    let library = program::library(&loaded.plugins, &loaded.standard).map_err(|findings| told(&findings))?;
-    Ok((Arc::unwrap_or_clone(loaded.program), library))
+    let asked = Asked::of_station(path).map_err(|findings| told(&findings))?;
+    Ok((asked.program, asked.library))
 }
 
 fn sources(path: &Path) -> Result<(Program, Library), String> {
-    let library = program::library(&[], &[]).map_err(|findings| told(&findings))?;
     let wanted = Sources { files: vec![path.to_owned()], ..Sources::default() };
-    let compiled = program::compile(&wanted, &library).map_err(|findings| told(&findings))?;
-    let library = program::library(&[], &program::in_use(&compiled.program, &[], &compiled.demanded));
-    Ok((compiled.program, library.map_err(|findings| told(&findings))?))
+    let asked = Asked::of_sources(&wanted, &[]).map_err(|findings| told(&findings))?;
+    Ok((asked.program, asked.library))
 }
 
 fn told(findings: &[Finding]) -> String {

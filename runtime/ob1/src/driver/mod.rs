@@ -100,15 +100,12 @@ struct Findings {
 }
 
 /// Runs `ob1 driver`.
-pub fn driver(args: &DriverArgs) -> TestExit {
+///
+/// # Errors
+/// Why the driver cannot be tested, or a report cannot be written.
+pub fn driver(args: &DriverArgs) -> Result<TestExit, String> {
     let What::Test(args) = &args.what;
-    let program = match args.program.canonicalize() {
-        Ok(program) => program,
-        Err(error) => {
-            err!("ob1: {}: {error}", args.program.display());
-            return TestExit::Unusable;
-        }
-    };
+    let program = args.program.canonicalize().map_err(|error| format!("{}: {error}", args.program.display()))?;
     let begun = Instant::now();
     let findings = Findings::default();
     let range = args.seed.map_or(0..args.seeds, |seed| seed..seed + 1);
@@ -192,10 +189,9 @@ fn play(rig: &mut Rig<'_>, seed: u64) -> Checked {
     rig.end(if by_signal { Rule::Terminate } else { Rule::EndOfFile })
 }
 
-fn report(args: &TestArgs, findings: &Findings, seconds: f64) -> TestExit {
+fn report(args: &TestArgs, findings: &Findings, seconds: f64) -> Result<TestExit, String> {
     if let Some(text) = &*locked(&findings.refused) {
-        err!("ob1: {}: {text}", args.program.display());
-        return TestExit::Unusable;
+        return Err(format!("{}: {text}", args.program.display()));
     }
     let mut broken = locked(&findings.broken);
     broken.sort_by_key(|finding| (finding.rule, finding.seed));
@@ -220,13 +216,10 @@ fn report(args: &TestArgs, findings: &Findings, seconds: f64) -> TestExit {
     if let Some(first) = broken.first() {
         say!("Again: ob1 driver test {} --cp {} --seed {}", args.program.display(), args.cp.name(), first.seed);
     }
-    if let Some(path) = &args.junit
-        && let Err(error) = write_junit(path, &[as_tests(args, &tested, &broken, seconds)])
-    {
-        err!("ob1: {}: {error}", path.display());
-        return TestExit::Unusable;
+    if let Some(path) = &args.junit {
+        write_junit(path, &[as_tests(args, &tested, &broken, seconds)])?;
     }
-    if broken.is_empty() { TestExit::Passed } else { TestExit::Failed }
+    Ok(if broken.is_empty() { TestExit::Passed } else { TestExit::Failed })
 }
 
 /// Rules that only the answers of a CP 240 show are not tested with another module.

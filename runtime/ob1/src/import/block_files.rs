@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
-use ob1_station::program;
+use ob1_station_file::finding::Finding;
 use ob1_station_file::program_files;
+
+use crate::xref::Asked;
 
 /// Where the blocks lie as they came from the CPU.
 pub(super) const UPLOADED: &str = "uploaded";
@@ -80,16 +82,14 @@ fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 
 /// The program of a station, as machine code.
 fn station(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let told =
-        |findings: &[ob1_station_file::finding::Finding]| findings.iter().map(ToString::to_string).collect::<String>();
-    let station = ob1_station_file::load(path).map_err(|findings| told(&findings))?;
-    let loaded = program::load(&station).map_err(|failure| told(failure.findings()))?;
-    let library = program::library(&loaded.plugins, &station.program.library).map_err(|findings| told(&findings))?;
+    let told = |findings: Vec<Finding>| findings.iter().map(ToString::to_string).collect::<String>();
+    let asked = Asked::of_station(path).map_err(told)?;
+    let (program, library) = (&asked.program, &asked.library);
     let callee = |id| library.get(id).map(|block| &block.interface);
-    let code = loaded.program.blocks.iter().map(|block| block.id);
-    let data = loaded.program.data.iter().map(|db| BlockId::new(BlockKind::Db, db.number));
+    let code = program.blocks.iter().map(|block| block.id);
+    let data = program.data.iter().map(|db| BlockId::new(BlockKind::Db, db.number));
     for id in code.chain(data) {
-        let image = ob1_mc7::image(&loaded.program, id, &callee).and_then(|image| image.bytes().ok());
+        let image = ob1_mc7::image(program, id, &callee).and_then(|image| image.bytes().ok());
         let image = image.ok_or_else(|| format!("{id} has a statement for which there is no machine code"))?;
         blocks.insert(name(id), image);
     }

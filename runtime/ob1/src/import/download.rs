@@ -11,7 +11,7 @@ use ob1_s7::wire::BlockType;
 
 use super::block_files::{Blocks, collect};
 use super::wire::{CpuArgs, Socket, connect};
-use crate::exit::ImportExit;
+use crate::exit::{ImportExit, told};
 
 /// Most blocks that are linked together, if the PDU has room for their names, and most bytes of them: they fit what a
 /// CPU puts aside.
@@ -43,10 +43,7 @@ pub struct DownloadArgs {
 
 /// Downloads; prints what there is to print.
 pub fn download(args: &DownloadArgs) -> ImportExit {
-    run(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        ImportExit::Nothing
-    })
+    told(run(args), |_| ImportExit::Nothing)
 }
 
 fn run(args: &DownloadArgs) -> Result<ImportExit, String> {

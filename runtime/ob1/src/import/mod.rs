@@ -15,11 +15,11 @@ mod upload;
 mod used;
 mod wire;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ob1_ir::{Program, Symbol};
+use ob1_ir::Symbol;
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
@@ -160,56 +160,40 @@ fn projects(
 }
 
 /// The program of a project.
-pub(crate) struct OfProject {
-    pub(crate) program: Program,
-    /// Standard and system blocks that it calls.
-    pub(crate) library: Library,
-    /// The sources made of its blocks.
-    pub(crate) sources: BTreeMap<BlockId, String>,
-    /// The language of each block that was made in LAD or FBD, and for each of its networks whether it was edited as
-    /// statements: its comments then have records of lines.
-    pub(crate) made: BTreeMap<BlockId, (Language, Vec<bool>)>,
-    /// Blocks that are know-how protected: their statements are not shown.
-    pub(crate) protected: BTreeSet<BlockId>,
-}
-
-/// The program of a project.
 ///
 /// # Errors
 /// Why there is none, or which of several must be named.
-pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<OfProject, String> {
-    let TakenWith { taken, rows } = taken_of(path, name)?;
+pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<Side, String> {
+    let (taken, rows) = taken_of(path, name)?;
     let (_, library, translation) =
         translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1, INTERNATIONAL)?;
-    Ok(of_project(&taken, translation.program.clone(), &translation, library))
+    Ok(side(path.display().to_string(), &taken.folder, &translation, library))
 }
 
 /// A program of a project with its symbols.
-struct TakenWith {
-    taken: Taken,
-    rows: Vec<SymbolRow>,
-}
-
-fn taken_of(path: &Path, name: Option<&str>) -> Result<TakenWith, String> {
+fn taken_of(path: &Path, name: Option<&str>) -> Result<(Taken, Vec<SymbolRow>), String> {
     let source = disk::open(path)?;
     let tree = Tree::new(&*source);
     let (projects, titles) = projects(path, &*source, &tree, None)?;
     let taken = take(name, &tree, projects, &titles)?;
     let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
-    Ok(TakenWith { taken, rows })
+    Ok((taken, rows))
 }
 
-fn of_project(taken: &Taken, program: Program, translation: &Translation, library: Library) -> OfProject {
-    let drawn = taken.folder.blocks.iter().filter(|(_, block)| matches!(block.language, Language::Lad | Language::Fbd));
+/// A translated folder, with the sources made of its blocks.
+fn side(title: String, folder: &Folder, translation: &Translation, library: Library) -> Side {
+    let drawn = folder.blocks.iter().filter(|(_, block)| matches!(block.language, Language::Lad | Language::Fbd));
     let lined = |block: &ob1_project::Block| block.comments.networks.iter().map(|n| !n.lines.is_empty()).collect();
     let made = drawn.map(|(id, block)| (*id, (block.language, lined(block)))).collect();
-    let sources = taken.folder.blocks.iter().filter(|(_, block)| !block.know_how).filter_map(|(id, _)| {
+    let sources = folder.blocks.iter().filter(|(_, block)| !block.know_how).filter_map(|(id, _)| {
         let file = format!("{}_{}.awl", id.kind.name(), id.number);
         let source = translation.sources.iter().find(|source| source.name == file)?;
         Some((*id, String::from_utf8_lossy(&source.bytes).into_owned()))
     });
-    let protected = taken.folder.blocks.iter().filter(|(_, block)| block.know_how).map(|(id, _)| *id).collect();
-    OfProject { program, library, sources: sources.collect(), made, protected }
+    let sources = sources.collect();
+    let protected = folder.blocks.iter().filter(|(_, block)| block.know_how).map(|(id, _)| *id).collect();
+    let side = Side::of_program(title, translation.program.clone(), library);
+    Side { sources, of_project: true, protected, made, ..side }
 }
 
 /// A folder as a program: what is replaced, what the program may call, and itself.
@@ -276,8 +260,8 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
     notes.extend(replaced.notes.clone());
     let mut written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
     if args.drawings {
-        let program = of_project(&taken, translation.program.clone(), &translation, library.clone());
-        written.files.extend(output::draw(out, Side::of_project(taken.title.clone(), program))?);
+        let side = side(taken.title.clone(), &taken.folder, &translation, library.clone());
+        written.files.extend(output::draw(out, side)?);
     }
     if args.json {
         say!("{}", outcome(&titles, Some(&taken.title), &translation, Some(&written)));

@@ -1,5 +1,7 @@
 //! Names of an imported station: its files, and texts of the project as names and in comments.
 
+use std::collections::BTreeSet;
+
 /// The name of the station file.
 pub(super) const STATION: &str = "station.toml";
 
@@ -24,6 +26,13 @@ pub(super) const GSD: &str = "gsd";
 /// A comment's text in one line.
 pub(super) fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+}
+
+/// `wanted`, or with a number where that is among `names` already; among them from then on.
+pub(super) fn unique(names: &mut BTreeSet<String>, wanted: &str) -> String {
+    let numbered = (2..).map(|count| format!("{wanted}-{count}"));
+    let mut all = std::iter::once(wanted.to_owned()).chain(numbered);
+    all.find(|name| names.insert(name.clone())).unwrap_or_default()
 }
 
 /// Letters, digits, `-` and `_`.

@@ -11,7 +11,7 @@ use ob1_dp::master::least_slot_bits;
 use ob1_project::{Area, DpSlave, DpSystem, Module, Note, Notes};
 
 use super::hardware::{Hardware, merged};
-use super::names::{GSD, clean, line};
+use super::names::{GSD, clean, line, unique};
 
 /// Baud rates in the order in which they are tried: the project's own is not read.
 const BAUDS: [u32; 7] = [500_000, 187_500, 93_750, 19_200, 9600, 45_450, 1_500_000];
@@ -213,8 +213,7 @@ impl Slaves {
             let _ = writeln!(text, "diagnostic = {diagnostic}");
         }
         if !slave.parameters.is_empty() {
-            let bytes: Vec<String> = slave.parameters.iter().map(|byte| format!("{byte:02X}")).collect();
-            let _ = writeln!(text, "raw = \"{}\"", bytes.join(" "));
+            let _ = writeln!(text, "raw = \"{}\"", crate::units::hex(&slave.parameters));
         }
         text.push_str("slots = [\n");
         for (slot, number) in made.slots.iter().zip(1..) {
@@ -236,17 +235,10 @@ impl Slaves {
     }
 
     fn name(&mut self, wanted: &str) -> String {
-        let wanted = match clean(wanted, 24) {
-            empty if empty.is_empty() => "profibus".to_owned(),
-            wanted => wanted,
-        };
-        let mut name = wanted.clone();
-        let mut count = 2;
-        while !self.names.insert(name.clone()) {
-            name = format!("{wanted}-{count}");
-            count += 1;
+        match clean(wanted, 24).as_str() {
+            "" => unique(&mut self.names, "profibus"),
+            wanted => unique(&mut self.names, wanted),
         }
-        name
     }
 }
 

@@ -13,7 +13,7 @@ use ob1_std::standard_blocks;
 use ob1_station::source_view;
 
 use super::hardware::{Hardware, cp_type, merged};
-use super::names::{BLOCKS, SCL, SYMBOLS, clean, line};
+use super::names::{BLOCKS, SCL, SYMBOLS, clean, line, unique};
 use super::profibus::{GsdFiles, Slaves};
 use super::replace::{Replaced, plugin_of};
 use super::used::{Used, areas};
@@ -322,13 +322,7 @@ impl Modules {
 
     /// A name that is not taken yet.
     fn name(&mut self, wanted: &str) -> String {
-        let mut name = clean(wanted, 30);
-        let mut count = 2;
-        while !self.names.insert(name.clone()) {
-            name = format!("{}-{count}", clean(wanted, 30));
-            count += 1;
-        }
-        name
+        unique(&mut self.names, &clean(wanted, 30))
     }
 }
 

@@ -17,7 +17,7 @@ use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, observe};
 use super::{INTERNATIONAL, exit, outcome, output, report, station, station_name, taken_of, translated};
-use crate::exit::{DiffExit, ImportExit};
+use crate::exit::{DiffExit, ImportExit, told};
 
 /// The types of blocks a program is made of.
 const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
@@ -71,10 +71,7 @@ pub struct CompareArgs {
 
 /// Uploads; prints what there is to print.
 pub fn upload(args: &UploadArgs) -> ImportExit {
-    run(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        ImportExit::Nothing
-    })
+    told(run(args), |_| ImportExit::Nothing)
 }
 
 fn run(args: &UploadArgs) -> Result<ImportExit, String> {
@@ -144,12 +141,11 @@ fn old_names(
     folder: &mut Folder,
     notes: &mut Notes,
 ) -> Result<(CodePage, Vec<SymbolRow>), String> {
-    let taken = taken_of(path, program)?;
-    let names = folder.take_names(&taken.taken.folder);
+    let (old, mut rows) = taken_of(path, program)?;
+    let names = folder.take_names(&old.folder);
     let (all, with) = (folder.blocks.keys().filter(|id| !id.kind.is_system()).count(), names.taken.len());
-    notes.push(Note::info("names", format!("{with} of {all} blocks have the names of {}", taken.taken.title)));
+    notes.push(Note::info("names", format!("{with} of {all} blocks have the names of {}", old.title)));
     notes.extend(names.notes);
-    let mut rows = taken.rows;
     let here = |id: BlockId| names.taken.iter().find(|(_, old)| **old == id).map(|(here, _)| *here);
     rows.retain_mut(|row| {
         // A block that the project numbers otherwise, or that is another one here.
@@ -164,7 +160,7 @@ fn old_names(
         }
         true
     });
-    Ok((taken.taken.project.page, rows))
+    Ok((old.project.page, rows))
 }
 
 /// The code page of the texts in uploaded blocks.
@@ -251,10 +247,7 @@ fn keep(out: &Path, blocks: &Blocks) -> Result<Vec<String>, String> {
 
 /// Compares; prints what there is to print.
 pub fn compare(args: &CompareArgs) -> DiffExit {
-    held_against(args).unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        DiffExit::Nothing
-    })
+    told(held_against(args), |_| DiffExit::Nothing)
 }
 
 fn held_against(args: &CompareArgs) -> Result<DiffExit, String> {

@@ -8,6 +8,7 @@ use ob1_time::{Instant, Span};
 use ob1_trace::{Cp, OrderStep, order_step, remark, shown};
 
 use crate::trace::Link;
+use crate::units;
 
 /// Bytes of a telegram that are shown.
 const SHOWN: usize = 64;
@@ -49,8 +50,7 @@ fn shifted(time: Instant, driver: u64, unix: u64) -> Instant {
 
 fn hex(bytes: &[u8]) -> String {
     let more = if bytes.len() > SHOWN { " ..." } else { "" };
-    let shown: Vec<String> = bytes.iter().take(SHOWN).map(|byte| format!("{byte:02X}")).collect();
-    shown.join(" ") + more
+    units::hex(&bytes[..bytes.len().min(SHOWN)]) + more
 }
 
 const fn way(way: Way) -> &'static str {

@@ -15,7 +15,7 @@ use clap::Args;
 use ob1_record::{Entry, Event, FormatError, Order, Reader};
 use ob1_time::Span;
 
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::testing::replay::test_file;
 use crate::trace::TraceError;
 use ob1_station::access::client::AccessError;
@@ -158,13 +158,7 @@ impl Count {
 
 /// Records until its end.
 pub fn record(args: &RecordArgs) -> Exit {
-    match run(args) {
-        Ok(()) => Exit::Ok,
-        Err(error) => {
-            err!("ob1: {error}");
-            error.exit()
-        }
-    }
+    told(run(args).map(|()| Exit::Ok), RecordError::exit)
 }
 
 impl RecordArgs {

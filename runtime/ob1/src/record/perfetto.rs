@@ -69,12 +69,6 @@ pub(super) struct Perfetto<W: Write> {
     lines: Lines,
 }
 
-/// What a track is besides its name.
-enum Kind<'a> {
-    Plain,
-    Counter(&'a str),
-}
-
 impl<W: Write> Perfetto<W> {
     /// Begins a trace with its clocks and the tracks of the signals.
     pub(super) fn new(out: W, head: &Head) -> io::Result<Self> {
@@ -125,7 +119,7 @@ impl<W: Write> Perfetto<W> {
         }
         for at in 0..this.items.len() {
             let (name, unit) = (this.items[at].name.clone(), this.items[at].ty.name());
-            let track = this.new_track(signals, &name, &Kind::Counter(unit))?;
+            let track = this.new_track(signals, &name, Some(unit))?;
             this.signals.push(track);
         }
         Ok(this)
@@ -136,26 +130,23 @@ impl<W: Write> Perfetto<W> {
         match self.tracks.get(&(parent, name.to_owned())) {
             Some(track) => Ok(*track),
             None => {
-                let track = self.new_track(parent, name, &Kind::Plain)?;
+                let track = self.new_track(parent, name, None)?;
                 self.tracks.insert((parent, name.to_owned()), track);
                 Ok(track)
             }
         }
     }
 
-    fn new_track(&mut self, parent: u64, name: &str, kind: &Kind<'_>) -> io::Result<u64> {
+    /// `unit`: that of a counter.
+    fn new_track(&mut self, parent: u64, name: &str, unit: Option<&str>) -> io::Result<u64> {
         let uuid = STATION + 1 + (self.tracks.len() + self.signals.len()) as u64;
-        let counter = match kind {
-            Kind::Counter(unit) => Some(CounterDescriptor { unit_name: Some((*unit).into()) }),
-            Kind::Plain => None,
-        };
         let descriptor = TrackDescriptor {
             uuid: Some(uuid),
             name: Some(name.to_owned()),
             parent_uuid: Some(parent),
             child_ordering: Some(BY_RANK),
             sibling_order_rank: Some(uuid as i32),
-            counter,
+            counter: unit.map(|unit| CounterDescriptor { unit_name: Some(unit.into()) }),
             ..TrackDescriptor::default()
         };
         self.send(TracePacket { track_descriptor: Some(descriptor), ..TracePacket::default() })?;

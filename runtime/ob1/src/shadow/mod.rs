@@ -18,7 +18,7 @@ use std::time::Duration;
 use clap::Args;
 use ob1_time::Span;
 
-use crate::exit::DiffExit;
+use crate::exit::{DiffExit, told};
 use crate::import::{CpuArgs, Unit};
 use judge::Judge;
 use rack::{Rack as _, S7Rack};
@@ -75,10 +75,7 @@ pub struct ShadowArgs {
 /// Compares; prints what there is to print.
 pub fn shadow(args: &ShadowArgs) -> DiffExit {
     let done = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || run(args));
-    done.map_err(|error| format!("a thread for the program: {error}")).flatten().unwrap_or_else(|text| {
-        err!("ob1: {text}");
-        DiffExit::Nothing
-    })
+    told(done.map_err(|error| format!("a thread for the program: {error}")).flatten(), |_| DiffExit::Nothing)
 }
 
 fn run(args: &ShadowArgs) -> Result<DiffExit, String> {

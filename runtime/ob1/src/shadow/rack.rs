@@ -76,8 +76,8 @@ const STATE_AT: usize = 3;
 const RUN: u8 = 8;
 
 impl Piece {
-    /// The one with this cell, and how many bytes into it.
-    fn at(&self, cell: Cell, width: Width) -> Option<usize> {
+    /// The one that holds just this cell.
+    fn of(cell: Cell, width: Width) -> Option<Self> {
         let (area, db, first) = match cell {
             Cell::Area(Area::Input, bit) => (wire::Area::Inputs, 0, bit / 8),
             Cell::Area(Area::Output, bit) => (wire::Area::Outputs, 0, bit / 8),
@@ -87,9 +87,15 @@ impl Piece {
             Cell::Counter(n) => (wire::Area::Counters, 0, n.into()),
             Cell::Peripheral(_) | Cell::Area(..) => return None,
         };
-        let (len, size) = if self.is_counted() { (1, 2) } else { (u32::from(width.bits().div_ceil(8)), 1) };
-        let skip = first.checked_sub(self.first).filter(|skip| skip + len <= self.len)?;
-        (self.area == area && self.db == db).then_some((skip * size) as usize)
+        let piece = Self { area, db, first, len: 1 };
+        Some(if piece.is_counted() { piece } else { Self { len: u32::from(width.bits().div_ceil(8)), ..piece } })
+    }
+
+    /// How many bytes into it another one begins that it holds.
+    fn at(&self, other: &Self) -> Option<usize> {
+        let skip = other.first.checked_sub(self.first).filter(|skip| skip + other.len <= self.len)?;
+        let size = if self.is_counted() { 2 } else { 1 };
+        (self.area == other.area && self.db == other.db).then_some((skip * size) as usize)
     }
 
     fn is_counted(&self) -> bool {
@@ -112,21 +118,7 @@ impl Piece {
 
 /// The pieces that cover these cells, as few as is reasonable.
 fn covering(cells: impl Iterator<Item = (Cell, Width)>) -> Vec<Piece> {
-    let mut pieces: Vec<Piece> = cells
-        .filter_map(|(cell, width)| {
-            let bytes = u32::from(width.bits().div_ceil(8));
-            let piece = |area, db, bit: u32| Some(Piece { area, db, first: bit / 8, len: bytes });
-            match cell {
-                Cell::Area(Area::Output, bit) => piece(wire::Area::Outputs, 0, bit),
-                Cell::Area(Area::Memory, bit) => piece(wire::Area::Memory, 0, bit),
-                Cell::Area(Area::Input, bit) => piece(wire::Area::Inputs, 0, bit),
-                Cell::Db(db, bit) => piece(wire::Area::Db, db, bit),
-                Cell::Timer(n) => Some(Piece { area: wire::Area::Timers, db: 0, first: n.into(), len: 1 }),
-                Cell::Counter(n) => Some(Piece { area: wire::Area::Counters, db: 0, first: n.into(), len: 1 }),
-                _ => None,
-            }
-        })
-        .collect();
+    let mut pieces: Vec<Piece> = cells.filter_map(|(cell, width)| Piece::of(cell, width)).collect();
     pieces.sort_by_key(|piece| (piece.area, piece.db, piece.first));
     let mut covering: Vec<Piece> = Vec::new();
     for piece in pieces {
@@ -144,8 +136,9 @@ fn covering(cells: impl Iterator<Item = (Cell, Width)>) -> Vec<Piece> {
 
 /// The value of a cell in what was read.
 fn value(read: &[Fetched], cell: Cell, width: Width) -> Option<u32> {
+    let wanted = Piece::of(cell, width)?;
     read.iter().find_map(|(piece, bytes)| {
-        let skip = piece.at(cell, width)?;
+        let skip = piece.at(&wanted)?;
         let bytes = bytes.as_ref()?.get(skip..)?;
         let number = |len: usize| bytes.get(..len).map(|b| b.iter().fold(0, |n, byte| n << 8 | u32::from(*byte)));
         match (piece.area, width) {

@@ -152,7 +152,7 @@ impl Replica {
 
     fn run_until(&mut self, subject: &Subject, to: Instant, keep: Span) {
         while self.bench.is_due_until(to) {
-            self.bench.step();
+            self.bench.cycle();
             self.note(subject, keep);
         }
         self.bench.run_until(to);

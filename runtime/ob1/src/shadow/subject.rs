@@ -71,7 +71,7 @@ impl Subject {
     pub(crate) fn load(path: &Path, wanted: &[String]) -> Result<Self, String> {
         let told = |findings: Vec<Finding>| findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
         let station = ob1_station_file::load(path).map_err(told)?;
-        let loaded = program::load(&station).map_err(|failure| told(failure.findings().to_vec()))?;
+        let loaded = program::load(&station).map_err(|failure| told(failure.into()))?;
         let library = program::library(&loaded.plugins, &loaded.standard).map_err(told)?;
         let xref = CrossReference::new(Arc::clone(&loaded.program), &library);
         let (mut config, name) = (station.cpu, station.name);

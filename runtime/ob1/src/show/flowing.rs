@@ -49,7 +49,7 @@ impl Picture {
                 Ok(tree) => {
                     let drawing = draw(&network, &tree, &self.shown.options(self.form));
                     let flow = flow(&network, &tree, drawing.is_plan, &line);
-                    lines.extend(paint::flowing(&drawing, &flow, false, coloured));
+                    lines.extend(paint::flowing(&drawing, &flow, coloured));
                 }
                 Err(why) => {
                     let rows = pass.lines.iter().filter(|line| line.network == network.number).cloned().collect();

@@ -18,7 +18,7 @@ use ob1_stl::print::{Listing, Printer};
 use serde_json::json;
 
 use crate::diff::Side;
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use crate::import::Unit;
 use crate::language::Language;
 
@@ -95,13 +95,7 @@ pub enum Names {
 
 /// Shows; prints what there is to print.
 pub fn show(args: &ShowArgs) -> Exit {
-    match run(args) {
-        Ok(()) => Exit::Ok,
-        Err(why) => {
-            err!("ob1: {why}");
-            Exit::Usage
-        }
-    }
+    told(run(args).map(|()| Exit::Ok), |_| Exit::Usage)
 }
 
 /// A program with what its networks are shown by.
@@ -153,12 +147,10 @@ impl Shown {
         hidden.then(|| format!("{id} is know-how protected: it runs, and its statements are not printed"))
     }
 
-    /// The view in which the block was made.
-    pub(crate) fn form(&self, id: BlockId) -> Form {
-        match self.side.made.get(&id) {
-            Some((Made::Fbd, _)) => Form::Plan,
-            _ => Form::Ladder,
-        }
+    /// The view of a block: ladder or function plan as told, else that in which it was made.
+    pub(crate) fn form(&self, id: BlockId, (lad, fbd): (bool, bool)) -> Form {
+        let made_plan = matches!(self.side.made.get(&id), Some((Made::Fbd, _)));
+        if !lad && (fbd || made_plan) { Form::Plan } else { Form::Ladder }
     }
 
     /// The statements of a network, as they are printed.
@@ -245,11 +237,7 @@ pub(crate) fn open(path: &Path, within: Option<&str>, unit: &Unit) -> Result<Sid
 }
 
 fn options(shown: &Shown, id: BlockId, args: &ShowArgs) -> Options {
-    let form = match (args.lad, args.fbd) {
-        (true, _) => Form::Ladder,
-        (_, true) => Form::Plan,
-        _ => shown.form(id),
-    };
+    let form = shown.form(id, (args.lad, args.fbd));
     let names = match args.names {
         Names::Address => NamesShown::Address,
         Names::Symbol => NamesShown::Symbol,
@@ -288,7 +276,7 @@ struct Style {
 pub(crate) fn pages(side: Side) -> Vec<(BlockId, String)> {
     let shown = Shown::new(side, Language::Auto);
     let page = |block: &CodeBlock| {
-        let options = shown.options(shown.form(block.id));
+        let options = shown.options(shown.form(block.id, (false, false)));
         let style = Style { options, network: None, stl: false, line: false, ascii: false };
         (block.id, format!("{}\n", page(&shown, &shown.ready(block), style).join("\n")))
     };
@@ -413,7 +401,6 @@ fn counted(shown: &Shown, only: Option<BlockId>) -> Counted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::OfProject;
     use ob1_ir::Symbol;
     use ob1_stl::{Library, Options as Compile, Source, compile};
 
@@ -428,10 +415,7 @@ mod tests {
         let output = compile(&[Source::new("a", TEXT)], &library, &Compile { symbols, ..Compile::default() });
         assert!(output.is_good(), "{:?}", output.diagnostics);
         let sources = BTreeMap::from([(output.program.blocks[0].id, TEXT.to_owned())]);
-        Side::of_project(
-            "test".into(),
-            OfProject { program: output.program, library, sources, made, protected: BTreeSet::new() },
-        )
+        Side { sources, of_project: true, made, ..Side::of_program("test".into(), output.program, library) }
     }
 
     #[test]

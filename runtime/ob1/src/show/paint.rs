@@ -13,9 +13,9 @@ pub(crate) const BLUE: &str = "\u{1b}[34m";
 pub(crate) const RED: &str = "\u{1b}[31m";
 
 /// The lines of a drawing; `colour` gives that of a place.
-pub(crate) fn lines(drawing: &Drawing, ascii: bool, colour: &dyn Fn(Place) -> Option<&'static str>) -> Vec<String> {
+pub(crate) fn lines(drawing: &Drawing, colour: &dyn Fn(Place) -> Option<&'static str>) -> Vec<String> {
     let mut out = Vec::new();
-    for row in text::cells(drawing, ascii) {
+    for row in text::cells(drawing, false) {
         let used = row.iter().rposition(|cell| cell.sign != ' ').map_or(0, |last| last + 1);
         let (mut line, mut now) = (String::new(), None);
         for cell in row.iter().take(used) {
@@ -35,22 +35,20 @@ pub(crate) fn lines(drawing: &Drawing, ascii: bool, colour: &dyn Fn(Place) -> Op
 }
 
 /// Fulfilled green, not fulfilled blue, not known as it is. Without colours a wire that is not fulfilled is dotted.
-pub(crate) fn flowing(drawing: &Drawing, flow: &Flow, ascii: bool, coloured: bool) -> Vec<String> {
+pub(crate) fn flowing(drawing: &Drawing, flow: &Flow, coloured: bool) -> Vec<String> {
     let colour = |place| match flow.of(place) {
         State::On => Some(GREEN),
         State::Off => Some(BLUE),
         State::Unknown => None,
     };
     if coloured {
-        return lines(drawing, ascii, &colour);
+        return lines(drawing, &colour);
     }
     let sign = |cell: &text::Cell| match (cell.place.map(|place| flow.of(place)), cell.sign) {
         (Some(State::On), '─') => '━',
         (Some(State::Off), '─') => '╌',
-        (Some(State::On), '-') if ascii => '=',
-        (Some(State::Off), '-') if ascii => '.',
         (_, sign) => sign,
     };
     let line = |row: &Vec<text::Cell>| row.iter().map(sign).collect::<String>().trim_end().to_owned();
-    text::cells(drawing, ascii).iter().map(line).collect()
+    text::cells(drawing, false).iter().map(line).collect()
 }

@@ -45,21 +45,15 @@ impl Judged {
 }
 
 /// Compares two reports and prints what there is to say.
-pub(super) fn compare(a: &Path, b: &Path, margin: f64) -> SoakExit {
-    let (a, b) = match (Report::read(a), Report::read(b)) {
-        (Ok(a), Ok(b)) => (a, b),
-        (Err(why), _) | (_, Err(why)) => {
-            err!("ob1: {why}");
-            return SoakExit::Inconclusive;
-        }
-    };
+pub(super) fn compare(a: &Path, b: &Path, margin: f64) -> Result<SoakExit, String> {
+    let (a, b) = (Report::read(a)?, Report::read(b)?);
     let (text, judged) = told(&a, &b, margin);
     says!("{text}");
-    match judged {
+    Ok(match judged {
         Judged::NotWorse => SoakExit::Pass,
         Judged::Inconclusive => SoakExit::Inconclusive,
         Judged::Worse => SoakExit::Broken,
-    }
+    })
 }
 
 fn told(a: &Report, b: &Report, margin: f64) -> (String, Judged) {

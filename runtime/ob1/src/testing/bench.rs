@@ -15,7 +15,7 @@ use ob1_access::Item;
 use ob1_record::{Pace, Stage};
 use ob1_station::assembly;
 use ob1_station::io::{ProcessIo, Stimulus};
-use ob1_station::program::{LoadFailure, Loaded};
+use ob1_station::program::Loaded;
 use ob1_station_file::EngineChoice;
 use ob1_station_file::finding::Finding;
 use ob1_station_file::{Absent, ModuleConfig, ModuleKind};
@@ -118,15 +118,13 @@ impl Bench {
         modules: &[ModuleConfig],
         loaded: &Loaded,
     ) -> Result<Self, Vec<Finding>> {
-        let of_load = |failure: LoadFailure| failure.findings().to_vec();
         let seen: Vec<_> = modules.iter().map(ob1_station::assembly::plugin_module).collect();
-        let natives = loaded.native_blocks(&seen).map_err(of_load)?;
+        let natives = loaded.native_blocks(&seen)?;
         let image = IoImage::heap();
         let field = image.field();
         let io = ProcessIo::new(image, Stimulus::default());
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
-        let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)
-            .map_err(of_load)?;
+        let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)?;
         let clock = BenchClock {
             time: VirtualClock::new(PER_STATEMENT),
             scan: 0,
@@ -160,7 +158,7 @@ impl Bench {
     }
 
     /// What is due next: a scan (true), or interrupts by time alone.
-    pub(super) fn cycle(&mut self) -> bool {
+    pub(crate) fn cycle(&mut self) -> bool {
         self.clock.scan = 0;
         self.clock.time.advance_to(self.due);
         self.now = self.now.max(self.clock.time.time());
@@ -174,11 +172,6 @@ impl Bench {
     /// One scan, when it is due, with the interrupts before it.
     pub(crate) fn scan(&mut self) {
         while !self.cycle() {}
-    }
-
-    /// The next scan or interrupt.
-    pub(crate) fn step(&mut self) {
-        self.cycle();
     }
 
     /// All scans and interrupts that are due until `time`.

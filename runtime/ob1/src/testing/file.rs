@@ -10,21 +10,16 @@ pub(super) type Placed<T> = Spanned<T>;
 /// Cells by their names, each with a value.
 pub(super) type Cells = BTreeMap<Placed<String>, Placed<toml::Value>>;
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct TestFile {
-    #[serde(default)]
     pub(super) sources: Vec<Placed<String>>,
     pub(super) station: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) symbols: Vec<Placed<String>>,
     pub(super) mnemonics: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) libraries: Vec<Placed<String>>,
-    #[serde(default)]
     pub(super) library: BTreeMap<Placed<String>, Placed<String>>,
     pub(super) cycle: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) test: Vec<Placed<TestTable>>,
 }
 
@@ -47,18 +42,15 @@ pub(super) struct TestTable {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct StepTable {
     pub(super) at: Option<Placed<String>>,
     pub(super) command: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) set: Cells,
     pub(super) run: Option<Placed<String>>,
     pub(super) scans: Option<Placed<i64>>,
     pub(super) within: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) expect: Cells,
     pub(super) state: Option<Placed<String>>,
-    #[serde(default)]
     pub(super) diagnostics: Vec<Placed<String>>,
 }

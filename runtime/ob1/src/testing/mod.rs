@@ -45,27 +45,18 @@ pub struct TestArgs {
 }
 
 /// Runs tests and prints their results.
-pub fn test(args: &TestArgs) -> TestExit {
+///
+/// # Errors
+/// Why none can be run, or a report cannot be written.
+pub fn test(args: &TestArgs) -> Result<TestExit, String> {
     let paths = if args.paths.is_empty() { vec![PathBuf::from(".")] } else { args.paths.clone() };
-    let files = match find_tests(&paths) {
-        Ok(files) => files,
-        Err(text) => {
-            err!("ob1: {text}");
-            return TestExit::Unusable;
-        }
-    };
+    let files = find_tests(&paths)?;
     let filter = args.filter.as_deref().unwrap_or_default();
     // Plugin blocks nested as deep as any program may nest them.
     let reports = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || {
         files.iter().map(|file| run_file(file, filter)).collect::<Vec<FileReport>>()
     });
-    let reports = match reports {
-        Ok(reports) => reports,
-        Err(error) => {
-            errs!("ob1: a thread for the tests: {error}\n");
-            return TestExit::Unusable;
-        }
-    };
+    let reports = reports.map_err(|error| format!("a thread for the tests: {error}"))?;
     for report in reports.iter().filter(|r| !args.quiet || r.failed() > 0 || !r.refused.is_empty()) {
         says!("{}", report.text());
     }
@@ -73,17 +64,14 @@ pub fn test(args: &TestArgs) -> TestExit {
     let failed: usize = reports.iter().map(FileReport::failed).sum();
     let refused = reports.iter().filter(|r| !r.refused.is_empty()).count();
     say!("{}", verdict(run, failed, refused));
-    if let Some(path) = &args.junit
-        && let Err(error) = write_junit(path, &reports)
-    {
-        err!("ob1: {}: {error}", path.display());
-        return TestExit::Unusable;
+    if let Some(path) = &args.junit {
+        write_junit(path, &reports)?;
     }
-    match (refused, run, failed) {
+    Ok(match (refused, run, failed) {
         (0, 1.., 0) => TestExit::Passed,
         (0, 1.., _) => TestExit::Failed,
         _ => TestExit::Unusable,
-    }
+    })
 }
 
 fn verdict(run: usize, failed: usize, refused: usize) -> String {

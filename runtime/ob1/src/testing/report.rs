@@ -1,7 +1,6 @@
 //! What tests have found: for people and as JUnit.
 
 use std::fmt::Write as _;
-use std::io;
 use std::path::Path;
 
 use ob1_station_file::finding::Finding;
@@ -73,9 +72,9 @@ impl FileReport {
 /// Writes all reports as JUnit XML. Times are real times; a file that could not be run is a test case with an error.
 ///
 /// # Errors
-/// The file cannot be written; what the system says.
-pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
-    ob1_process::files::write(path, junit(reports).as_bytes())
+/// The file cannot be written; its name and what the system says.
+pub fn write_junit(path: &Path, reports: &[FileReport]) -> Result<(), String> {
+    ob1_process::files::write(path, junit(reports).as_bytes()).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 fn junit(reports: &[FileReport]) -> String {

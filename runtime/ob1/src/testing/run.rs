@@ -255,7 +255,7 @@ impl ReadyStep<'_> {
             Run::Within(time) => {
                 let end = bench.now.saturating_add(time);
                 while !self.look(bench).is_empty() && bench.is_due_until(end) {
-                    bench.step();
+                    bench.cycle();
                 }
             }
         }

@@ -1,16 +1,6 @@
 //! What keys do: a machine of its own, without a terminal.
 
-/// A key, as far as it means something here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Key {
-    Char(char),
-    Enter,
-    Escape,
-    Backspace,
-    Tab,
-    Up,
-    Down,
-}
+use ratatui::crossterm::event::KeyCode as Key;
 
 /// Which page is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,7 +131,7 @@ impl Keys {
     fn command(&mut self, key: Key, cells: &[String]) -> Act {
         let last = cells.len().saturating_sub(1);
         match key {
-            Key::Char('q') | Key::Escape => return Act::Quit,
+            Key::Char('q') | Key::Esc => return Act::Quit,
             Key::Tab => self.tab = self.tab.next(),
             Key::Char('?') => self.help = true,
             Key::Char(digit @ '1'..='7') => {
@@ -194,10 +184,10 @@ enum Typed {
 fn typed(mut text: String, key: Key) -> Typed {
     match key {
         Key::Enter => return Typed::Done(text),
-        Key::Escape => return Typed::Dropped,
+        Key::Esc => return Typed::Dropped,
         Key::Backspace => drop(text.pop()),
         Key::Char(c) => text.push(c),
-        Key::Tab | Key::Up | Key::Down => {}
+        _ => {}
     }
     Typed::More(text)
 }
@@ -230,10 +220,7 @@ mod tests {
             assert_eq!(play(&mut state, &keys(no), &cells), Act::Nothing, "{no:?}");
             assert_eq!(state.entry, Entry::None);
         }
-        assert_eq!(
-            play(&mut state, &[Key::Char('m'), Key::Char('1'), Key::Escape, Key::Char('y')], &cells),
-            Act::Nothing
-        );
+        assert_eq!(play(&mut state, &[Key::Char('m'), Key::Char('1'), Key::Esc, Key::Char('y')], &cells), Act::Nothing);
         // Without a table there is nothing to modify or to drop.
         assert_eq!(play(&mut Keys { tab: Tab::Variables, ..Keys::default() }, &keys("md1\ny"), &[]), Act::Nothing);
     }
@@ -267,7 +254,7 @@ mod tests {
         state.press(Key::Char('4'), &cells);
         // What is typed are no commands.
         assert_eq!(play(&mut state, &keys("aq1"), &cells), Act::Nothing);
-        assert_eq!(state.press(Key::Escape, &cells), Act::Nothing);
+        assert_eq!(state.press(Key::Esc, &cells), Act::Nothing);
         assert_eq!(state.press(Key::Char('q'), &cells), Act::Quit);
     }
 }

@@ -2,13 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event;
 
 use super::data::Data;
-use super::keys::{Act, Key, Keys, Tab};
+use super::keys::{Act, Keys, Tab};
 use super::source::Source;
 use super::watch::Watched;
 use super::{TopArgs, TopError, plain, screen};
+use crate::live_text::pressed;
 use ob1_station::access::client::AccessError;
 use ob1_station::out;
 
@@ -71,7 +72,7 @@ fn watch_keys(
             if !event::poll(left.min(LINES))? {
                 continue;
             }
-            let Some(key) = key(&event::read()?) else { continue };
+            let Some(key) = pressed(&event::read()?) else { continue };
             note.clear();
             let cells: Vec<String> = watch.iter().map(|watched| watched.name.clone()).collect();
             match keys.press(key, &cells) {
@@ -106,23 +107,4 @@ fn watch_keys(
         looked = Instant::now();
         looks += 1;
     }
-}
-
-/// A key that means something here.
-fn key(event: &Event) -> Option<Key> {
-    let Event::Key(key) = event else { return None };
-    if key.kind == KeyEventKind::Release {
-        return None;
-    }
-    Some(match key.code {
-        KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Key::Char('q'),
-        KeyCode::Char(c) => Key::Char(c),
-        KeyCode::Enter => Key::Enter,
-        KeyCode::Esc => Key::Escape,
-        KeyCode::Backspace => Key::Backspace,
-        KeyCode::Tab => Key::Tab,
-        KeyCode::Up => Key::Up,
-        KeyCode::Down => Key::Down,
-        _ => return None,
-    })
 }

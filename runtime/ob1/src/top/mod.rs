@@ -17,7 +17,7 @@ use std::io::{self, IsTerminal as _};
 use clap::Args;
 use ob1_time::Span;
 
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use ob1_station::access::client::AccessError;
 
 /// Show a running station, live
@@ -62,14 +62,8 @@ enum TopError {
 pub fn top(args: &TopArgs) -> Exit {
     let plain = args.plain || !io::stdout().is_terminal() || !io::stdin().is_terminal();
     let done = if plain { live::plain(args) } else { live::screen(args) };
-    match done {
-        Ok(()) => Exit::Ok,
-        Err(error) => {
-            err!("ob1: {error}");
-            match error {
-                TopError::Access(error) => error.exit(),
-                TopError::Terminal(_) => Exit::System,
-            }
-        }
-    }
+    told(done.map(|()| Exit::Ok), |error| match error {
+        TopError::Access(error) => error.exit(),
+        TopError::Terminal(_) => Exit::System,
+    })
 }

@@ -130,7 +130,7 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
 
 /// The buses with their couplers and slaves.
 pub(super) fn buses(data: &Data) -> String {
-    crate::bus::text::text(&data.now.buses, data.buses_before(), None)
+    crate::bus::text::text(&data.now.buses, data.buses_before())
 }
 
 /// The links, and below each its connections.

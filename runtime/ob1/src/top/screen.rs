@@ -148,8 +148,9 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     use super::super::data::tests::look;
-    use super::super::keys::{Entry, Key};
+    use super::super::keys::Entry;
     use super::*;
+    use ratatui::crossterm::event::KeyCode as Key;
 
     fn shown(data: &Data, keys: &Keys, width: u16, height: u16) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a test terminal");

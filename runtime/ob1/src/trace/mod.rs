@@ -14,7 +14,7 @@ use clap::Args;
 use ob1_serial::tap_record::Record;
 use ob1_time::Span;
 
-use crate::exit::Exit;
+use crate::exit::{Exit, told};
 use ob1_station::access::client::AccessError;
 use ob1_station::out;
 
@@ -103,19 +103,13 @@ pub enum TraceError {
 
 /// Traces until its end.
 pub fn trace(args: &TraceArgs) -> Exit {
-    match run(args) {
-        Ok(()) => Exit::Ok,
-        Err(error) => {
-            err!("ob1: {error}");
-            match error {
-                TraceError::Access(error) => error.exit(),
-                TraceError::Nobody(_) => Exit::Running,
-                TraceError::Twice(_) | TraceError::NoLine(_) => Exit::Usage,
-                TraceError::Recording { .. } => Exit::Rejected,
-                TraceError::File { .. } | TraceError::Io(_) => Exit::System,
-            }
-        }
-    }
+    told(run(args).map(|()| Exit::Ok), |error| match error {
+        TraceError::Access(error) => error.exit(),
+        TraceError::Nobody(_) => Exit::Running,
+        TraceError::Twice(_) | TraceError::NoLine(_) => Exit::Usage,
+        TraceError::Recording { .. } => Exit::Rejected,
+        TraceError::File { .. } | TraceError::Io(_) => Exit::System,
+    })
 }
 
 /// Where records go: to standard output, to a recording, to Wireshark.

@@ -11,6 +11,7 @@ use ob1_trace::{Cp, remark, shown};
 
 use super::s7::Link;
 use super::source::News;
+use crate::units::hex;
 
 /// Bytes in a line of a dump.
 const WIDTH: usize = 16;
@@ -158,10 +159,9 @@ fn put(held: &mut Held, name: &str, raw: bool, unit: &Unit<'_>) {
 /// Hexadecimal and text, sixteen bytes a line.
 fn dump(text: &mut String, bytes: &[u8]) {
     for (number, part) in bytes.chunks(WIDTH).enumerate() {
-        let hex: Vec<String> = part.iter().map(|byte| format!("{byte:02X}")).collect();
         let plain: String =
             part.iter().map(|&byte| if (0x20..0x7F).contains(&byte) { char::from(byte) } else { '.' }).collect();
         // Writing into a String cannot fail.
-        let _ = writeln!(text, "                 {:04X}  {:<47}  {plain}", number * WIDTH, hex.join(" "));
+        let _ = writeln!(text, "                 {:04X}  {:<47}  {plain}", number * WIDTH, hex(part));
     }
 }

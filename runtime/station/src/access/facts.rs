@@ -183,19 +183,19 @@ impl StationView {
     /// An entry of the CPU's diagnostic buffer as links get it.
     #[must_use]
     pub fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis {
-        let told = self.diagnostic(entry);
+        let unix = self.unix_at(entry.time);
         Diagnosis {
             number: entry.number,
             time: entry.time.nanos(),
-            wall: ob1_cpu::date_and_time(crate::wall_clock::date_of(told.unix_ns)),
+            wall: ob1_cpu::date_and_time(crate::wall_clock::date_of(unix)),
             event: entry.event.0,
             block: entry.site.map(|site| site.block),
             line: entry.site.map_or(0, |site| site.line),
             data: entry.data,
-            text: told.text,
-            place: told.place,
-            because: told.because,
-            remedy: told.remedy,
+            text: entry.to_string(),
+            place: self.known.get().places.of(entry).unwrap_or_default(),
+            because: self.stood_in_the_way(entry).unwrap_or_default(),
+            remedy: self.remedy(entry).to_owned(),
         }
     }
 

@@ -101,7 +101,7 @@ fn default_count() -> u32 {
 }
 
 /// An answer: one line of JSON.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Response {
     /// The `id` of the request.
     #[serde(default, skip_serializing_if = "Value::is_null")]
@@ -162,32 +162,13 @@ impl Response {
     /// Done, with nothing more to say.
     #[must_use]
     pub fn done(id: Value) -> Self {
-        Self {
-            id,
-            ok: true,
-            error: None,
-            values: None,
-            status: None,
-            diagnostics: None,
-            cps: None,
-            timing: None,
-            recorder: None,
-            buses: None,
-            links: None,
-            pass: None,
-            why: None,
-            debug: None,
-            forced: None,
-            alarms: None,
-            missing: None,
-            load: None,
-        }
+        Self { id, ok: true, ..Self::default() }
     }
 
     /// The answer to a refused request, with the reason.
     #[must_use]
     pub fn refused(id: Value, error: impl Into<String>) -> Self {
-        Self { ok: false, error: Some(error.into()), ..Self::done(id) }
+        Self { id, error: Some(error.into()), ..Self::default() }
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ob1_access::alarms::{acknowledging, standing};
-use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
+use ob1_access::door::{Answer, Ask, Command, Document, Door, Refusal};
 use ob1_access::{Item, Piece, Typed, value};
 use ob1_cpu::Family;
 use ob1_model::{ALARM_ORDERS, AlarmOrder, AlarmQuery, Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
@@ -19,11 +19,11 @@ use serde_json::Value;
 
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
-use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
+use super::protocol::{CellValue, LINE_BYTES, Op, Request, Response};
 use super::{debug, pass, why};
 use crate::bus_view::BusView;
 use crate::program_facts::KnownProgram;
-use crate::view::{StationView, event_number};
+use crate::view::StationView;
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Span = Span::from_secs(3);
@@ -158,7 +158,11 @@ impl Serving {
         match op {
             Op::Get { items } => {
                 let all = items.is_empty();
-                let items = if all { symbols(&known) } else { typed(&known, &items)? };
+                // Without names all symbols that have a value.
+                let items: Vec<(Typed, Piece)> = match all {
+                    true => known.names.symbols().iter().filter_map(|s| typed(&known, &s.name).ok()).collect(),
+                    false => items.iter().map(|name| typed(&known, name)).collect::<Result<_, _>>()?,
+                };
                 let wanted = items.iter().map(|(_, piece)| *piece).collect();
                 let items = items.into_iter().map(|(typed, _)| typed).collect();
                 return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values { items, all }));
@@ -292,25 +296,12 @@ impl Serving {
             }
             (Then::Diagnostics(count), Outcome::Answer(answer)) => {
                 let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };
-                response.diagnostics = Some(entries.into_iter().map(|entry| self.diagnostic(entry)).collect());
+                response.diagnostics = Some(entries.into_iter().map(|entry| self.view.diagnostic(entry)).collect());
                 response.cps = Some(self.view.buffers(count));
             }
             _ => return Err("no answer".into()),
         }
         Ok(response)
-    }
-
-    fn diagnostic(&self, entry: Diagnosis) -> Diagnostic {
-        Diagnostic {
-            number: entry.number,
-            time_ns: entry.time,
-            unix_ns: self.view.unix_at(Instant::from_nanos(entry.time)),
-            event: event_number(entry.event),
-            text: entry.text,
-            place: entry.place,
-            because: entry.because,
-            remedy: entry.remedy,
-        }
     }
 }
 
@@ -340,24 +331,11 @@ fn forced(known: &KnownProgram, name: &str, value: &Value) -> Result<Forced, Str
     Ok(Forced { area, bit: item.cell.bit(), width: item.width, value: value::from_json(&item, value)? })
 }
 
-/// Places by their names, each with what is read for it.
-fn typed(known: &KnownProgram, names: &[String]) -> Result<Vec<(Typed, Piece)>, String> {
-    let one = |name: &String| {
-        let typed = known.names.typed(name)?;
-        let piece = typed.piece();
-        piece.map(|piece| (typed, piece)).ok_or_else(|| format!("{name} is a structure, which is not a single value"))
-    };
-    names.iter().map(one).collect()
-}
-
-/// All symbols that have a value.
-fn symbols(known: &KnownProgram) -> Vec<(Typed, Piece)> {
-    let one = |symbol: &ob1_ir::Symbol| {
-        let typed = known.names.typed(&symbol.name).ok()?;
-        let piece = typed.piece()?;
-        Some((typed, piece))
-    };
-    known.names.symbols().iter().filter_map(one).collect()
+/// A place by its name, with what is read for it.
+fn typed(known: &KnownProgram, name: &str) -> Result<(Typed, Piece), String> {
+    let typed = known.names.typed(name)?;
+    let piece = typed.piece();
+    piece.map(|piece| (typed, piece)).ok_or_else(|| format!("{name} is a structure, which is not a single value"))
 }
 
 fn cell_value(typed: &Typed, value: Result<Box<[u8]>, Refusal>) -> Result<CellValue, String> {

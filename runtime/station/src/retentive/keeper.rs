@@ -5,12 +5,12 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
 use ob1_cpu::{Cpu, OperatingState, ShortText};
 use ob1_model::Event;
+use ob1_rt::SideThread;
 use ob1_time::Span;
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -82,11 +82,10 @@ impl ScanEnd {
     }
 }
 
-/// The writing thread; it ends with its owner.
+/// The writing thread; it ends with its owner. Then it writes the last image, while the scan still cycles.
 #[derive(Debug)]
 pub struct Keeper {
-    finish: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    _thread: SideThread<Sender<()>>,
 }
 
 impl Keeper {
@@ -104,9 +103,8 @@ impl Keeper {
         let wanted = Arc::new(AtomicBool::new(false));
         let (to_buffer, notes) = RingBuffer::new(NOTES);
         let scan = ScanEnd { notes, empty, full, wanted: Arc::clone(&wanted), ran: false, owed: false };
-        let (finish, finished) = mpsc::channel();
         let mut writer = Writer { store, from_scan, to_scan, written: Vec::new(), health, to_buffer };
-        let thread = ob1_rt::spawn("ob1-retentive", move || {
+        let thread = SideThread::looking("ob1-retentive", move |finished| {
             let mut next = Instant::now() + every.into();
             while finished.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
                 writer.drain();
@@ -124,17 +122,7 @@ impl Keeper {
             }
             writer.drain();
         })?;
-        Ok((Self { finish: Some(finish), thread: Some(thread) }, scan))
-    }
-}
-
-impl Drop for Keeper {
-    /// Writes the last image, while the scan still cycles.
-    fn drop(&mut self) {
-        drop(self.finish.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Ok((Self { _thread: thread }, scan))
     }
 }
 

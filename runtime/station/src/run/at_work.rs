@@ -325,7 +325,7 @@ impl AtWork {
     }
 
     /// STOP, last figures, then everything is ended, in order.
-    pub(super) fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
+    pub(super) fn stop(mut self, ended: Ended) -> Result<(Report, Exit), Failure> {
         let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
         let died = died.map(|result| match result {
             Ok(Err(text)) => Failure(Exit::System, format!("ob1: {text}\n")),
@@ -371,7 +371,7 @@ impl AtWork {
         if let Some(fleet) = self.fleet.take() {
             fleet.stop();
         }
-        Ok(Report::new(ended, exit, fault, status, diagnostics, timing))
+        Ok((Report::new(ended, exit, fault, status, diagnostics, timing), exit))
     }
 
     /// Sends the CPU to STOP and waits for it.

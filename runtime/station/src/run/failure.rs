@@ -14,11 +14,10 @@ impl Failure {
     }
 
     pub(super) fn of_load(failure: &LoadFailure) -> Self {
-        let exit = match failure {
-            LoadFailure::Plugin(_) => Exit::Plugin,
-            LoadFailure::Rejected(_) => Exit::Rejected,
-        };
-        Self::of_findings(exit, failure.findings())
+        match failure {
+            LoadFailure::Plugin(findings) => Self::of_findings(Exit::Plugin, findings),
+            LoadFailure::Rejected(findings) => Self::of_findings(Exit::Rejected, findings),
+        }
     }
 
     pub(super) fn system(what: &str, error: &std::io::Error) -> Self {

@@ -67,7 +67,7 @@ impl Journal {
 
     /// The entries for a report, newest first.
     pub(super) fn diagnostics(&self, view: &StationView) -> Vec<Diagnostic> {
-        self.kept.iter().rev().map(|entry| view.diagnostic(entry)).collect()
+        self.kept.iter().rev().map(|entry| view.diagnostic(view.diagnosis(entry))).collect()
     }
 }
 

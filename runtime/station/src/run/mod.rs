@@ -100,14 +100,14 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     tracing::info!("station {}, process {}", station.name, std::process::id());
     let mut station_at_work = AtWork::start(guardian, &station, assembly, rundir, clock, options)?;
     let ended = station_at_work.watch(&signals, options);
-    let report = station_at_work.stop(ended)?;
+    let (report, exit) = station_at_work.stop(ended)?;
     if !options.quiet {
         out::print_at_the_end(report.summary());
     }
     if let Some(path) = &options.report {
         report.write(path).map_err(|e| no_report(path, &e))?;
     }
-    Ok(exit_of(&report))
+    Ok(exit)
 }
 
 fn no_report(path: &Path, error: &std::io::Error) -> Failure {
@@ -127,14 +127,6 @@ fn become_user(name: &str) -> Result<(), Failure> {
         let remedy = "name a user of this system, and start as root or as that user";
         Failure(Exit::System, format!("ob1: [station] user = \"{name}\": {why}\n  = {remedy}\n"))
     })
-}
-
-fn exit_of(report: &Report) -> Exit {
-    match report.ended {
-        Ended::StoodStill => Exit::StoodStill,
-        _ if report.fault.is_some() => Exit::Fault,
-        _ => Exit::Ok,
-    }
 }
 
 /// Until this is dropped, a call of `exit()` or `_exit()` is taken for a plugin's.

@@ -225,7 +225,7 @@ impl Fleet {
             let station = ob1_station_file::load(&own.join("station.toml")).map_err(|findings| texts(&findings))?;
             let loaded = match &mut loaded {
                 Some(loaded) => loaded,
-                none => none.insert(program::load(&station).map_err(|failure| texts(failure.findings()))?),
+                none => none.insert(program::load(&station).map_err(|failure| texts(&Vec::from(failure)))?),
             };
             let begins = Instant::START + CYCLE.times(index as u64) / count as u64;
             stations.push(Simulated::new(&station, loaded, clock, listener, begins)?);

@@ -55,7 +55,7 @@ impl Simulated {
         let drivers = DriverSettings { program: "".into(), io: "".into(), env: Vec::new() };
         let built =
             assembly::assemble(station, loaded, &drivers, Path::new(""), clock).map_err(|error| match error {
-                AssemblyError::Load(failure) => crate::sim::station::texts(failure.findings()),
+                AssemblyError::Load(failure) => crate::sim::station::texts(&Vec::from(failure)),
                 AssemblyError::System(why) => why,
             })?;
         let (mut cpu, view) = (built.cpu, built.view);

@@ -31,7 +31,7 @@ impl Station {
             ob1_station_file::parse(&file, "coupled.toml", folder).unwrap_or_else(|f| panic!("{f:#?}\n{file}"));
         std::fs::write(folder.join(format!("{}.awl", station.name)), text::source(me)).expect("room for a file");
         let needs = "this test needs the plugins that `cargo xtask test` builds; run: cargo xtask test";
-        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:#?}\n{needs}", failure.findings()));
+        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{failure:#?}\n{needs}"));
         let config = &station.modules[0];
         let settings = assembly::cp_settings(&station.name, config, None).expect("a CP");
         let segment = Segment::heap_with_boxes();

@@ -78,7 +78,7 @@ pub(crate) struct Plant {
 impl Plant {
     pub(crate) fn new(folder: &Path, calls: &[Call]) -> Self {
         let station = station(folder, calls);
-        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{failure:?}"));
         let dp = station.buses[0].config.lines[0].dp.as_ref().expect("it is DP");
         let slaves = dp.slaves.iter().enumerate().map(|(n, slave)| {
             let (config, parameters) = (slave.config.clone(), Some(slave.parameters.clone()));
@@ -107,7 +107,7 @@ impl Plant {
             .collect();
         assert_eq!(modules.len(), 1, "the slaves are behind the CP");
         let natives = loaded.native_blocks(&assembly::plugin_modules(&station));
-        let natives = natives.unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let natives = natives.unwrap_or_else(|failure| panic!("{failure:?}"));
         let mut cpu = Cpu::new(
             station.cpu.clone(),
             &loaded.program,

@@ -153,7 +153,7 @@ impl World {
         // During a long cycle a slave can be lost, parametrised and exchange data again.
         let cycle = CYCLES[(seed % 2) as usize];
         let station = station(folder, cycle);
-        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{failure:?}"));
         let mut fields = fields(&station, &mut rng, noisy);
         let places = station.buses.iter().flat_map(|bus| {
             let place = |at: &OnBus| [at.diagnostic.to_be_bytes(), [bus.rules.number, at.number]].concat();
@@ -172,7 +172,7 @@ impl World {
             let slot = ModuleSlot { bus: Some(place), ..assembly::slot(config) };
             modules.push((slot, hosts[*bus].module(module.clone())));
         }
-        let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{failure:?}"));
         let mut cpu = Cpu::new(
             station.cpu.clone(),
             &loaded.program,

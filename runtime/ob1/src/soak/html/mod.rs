@@ -5,7 +5,7 @@ mod charts;
 
 use std::fmt::Write as _;
 
-use super::report::{Report, Role};
+use super::report::{CpLedger, Report, Role};
 use super::verdict::Verdict;
 use crate::statistics::{Percentile, SLOPE_NEEDS};
 use crate::units::{amount, time};
@@ -196,36 +196,27 @@ fn telegrams(out: &mut String, r: &Report) {
         let cell = r.cells.iter().find(|cell| cell.role == role);
         cell.map_or_else(|| "not told".to_owned(), |cell| cell.grown().to_string())
     };
-    let rows = r.telegrams.iter().map(|cp| {
-        let figures = [
-            cp.accepted,
-            cp.done,
-            cp.error,
-            cp.aborted,
-            cp.lost,
-            cp.open(),
-            cp.received,
-            cp.delivered,
-            cp.receive_lost,
-            cp.receive_errors,
-            cp.drivers_lost,
-        ];
-        std::iter::once(cp.cp.clone()).chain(figures.iter().map(u64::to_string)).collect()
-    });
-    let head = [
-        "CP",
-        "orders",
-        "done",
-        "error",
-        "aborted",
-        "lost in CP",
-        "open",
-        "received",
-        "delivered",
-        "lost",
-        "failed attempts",
-        "drivers lost",
-    ];
+    let figures = |cp: &CpLedger| {
+        [
+            ("orders", cp.accepted),
+            ("done", cp.done),
+            ("error", cp.error),
+            ("aborted", cp.aborted),
+            ("lost in CP", cp.lost),
+            ("open", cp.open()),
+            ("received", cp.received),
+            ("delivered", cp.delivered),
+            ("lost", cp.receive_lost),
+            ("failed attempts", cp.receive_errors),
+            ("drivers lost", cp.drivers_lost),
+        ]
+    };
+    let head = figures(&CpLedger::default()).map(|(name, _)| name);
+    let head: Vec<&str> = std::iter::once("CP").chain(head).collect();
+    let rows = r
+        .telegrams
+        .iter()
+        .map(|cp| std::iter::once(cp.cp.clone()).chain(figures(cp).map(|(_, figure)| figure.to_string())).collect());
     table(out, &head, rows);
     let _ = writeln!(
         out,
