@@ -5,7 +5,7 @@ use ob1_model::BlockKind;
 
 use crate::Done;
 use crate::call::Call;
-use crate::declare::{Declared, Params, params};
+use crate::declare::{At, params};
 use crate::row::{Origin, Row};
 use crate::ticks::time_tick;
 
@@ -43,17 +43,6 @@ const WRONG_LAST_STEP: u16 = 0x8081;
 const WRONG_CURRENT_STEP: u16 = 0x8082;
 const WRONG_PRESET_STEP: u16 = 0x8083;
 const WRONG_TIME: u16 = 0x8084;
-
-/// A parameter by its index: the numbered ones lie one after the other.
-#[derive(Clone, Copy)]
-struct Numbered(Drum, u32);
-
-impl Params for Numbered {
-    const DECLARED: &'static [Declared] = Drum::DECLARED;
-    fn index(self) -> u32 {
-        self.0 as u32 + self.1
-    }
-}
 
 /// `code` gives an error the number it has in this block.
 fn drum(call: &mut Call<'_>, code: fn(u16) -> u16) -> Done {
@@ -97,7 +86,7 @@ fn step(call: &mut Call<'_>) -> Result<(), u16> {
         }
         let advance = if jog && !jogged {
             true
-        } else if call.bool(Drum::DRUM_EN) && call.bool(Numbered(Drum::EVENT1, u32::from(current) - 1)) {
+        } else if call.bool(Drum::DRUM_EN) && call.bool(At(Drum::EVENT1 as u32 + u32::from(current) - 1)) {
             let left = call.raw(Drum::DCC).saturating_sub(passed);
             call.set(Drum::DCC, left);
             left == 0
@@ -134,7 +123,7 @@ fn outputs(call: &mut Call<'_>, step: u8) {
     let word = call.word(Drum::OUT_WORD) & !mask | values & mask;
     call.set(Drum::OUT_WORD, u32::from(word));
     for bit in 0..16 {
-        call.set_bool(Numbered(Drum::OUT0, bit), word >> bit & 1 == 1);
+        call.set_bool(At(Drum::OUT0 as u32 + bit), word >> bit & 1 == 1);
     }
 }
 
