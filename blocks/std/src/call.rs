@@ -14,7 +14,7 @@ pub(crate) struct Call<'a> {
     pub(crate) interface: &'a Interface,
 }
 
-/// RET_VAL of a system function: 0 or a status, else an error. BR is 0 for a code with the highest bit.
+/// What a block ends with in RET_VAL or ERR_CODE: 0 or a status, or an error, with BR 0.
 pub(crate) type Code = Result<u16, u16>;
 
 /// A REAL that is not a number.

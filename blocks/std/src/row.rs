@@ -62,7 +62,7 @@ impl Origin {
 enum Run {
     /// All of it.
     Whole(fn(&mut Call<'_>) -> Done),
-    /// All but RET_VAL and BR, which its code gives.
+    /// All but RET_VAL (of some function blocks ERR_CODE) and BR, which its code gives.
     Coded(fn(&mut Call<'_>) -> Code),
     /// The same, for a block that is asked by REQ and answers in the same call, so that BUSY stays 0.
     Asked(fn(&mut Call<'_>) -> Code),
@@ -101,13 +101,34 @@ impl Row {
         Self::new::<P>(Origin::System, BlockKind::Sfc, number, name, run)
     }
 
+    /// A block that ends with RET_VAL or ERR_CODE.
+    pub(crate) const fn with_code<P: Params>(
+        origin: Origin,
+        kind: BlockKind,
+        number: u16,
+        name: &'static str,
+        run: fn(&mut Call<'_>) -> Code,
+    ) -> Self {
+        Self { run: Run::Coded(run), ..Self::new::<P>(origin, kind, number, name, |_| Ok(())) }
+    }
+
+    /// The same of the TI library.
+    pub(crate) const fn ti<P: Params>(
+        kind: BlockKind,
+        number: u16,
+        name: &'static str,
+        run: fn(&mut Call<'_>) -> Code,
+    ) -> Self {
+        Self::with_code::<P>(Origin::TiS7, kind, number, name, run)
+    }
+
     pub(crate) const fn coded<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
-        Self { run: Run::Coded(run), ..Self::sfc::<P>(number, name, |_| Ok(())) }
+        Self::with_code::<P>(Origin::System, BlockKind::Sfc, number, name, run)
     }
 
     /// REQ is the first parameter.
     pub(crate) const fn asked<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
-        Self { run: Run::Asked(run), ..Self::sfc::<P>(number, name, |_| Ok(())) }
+        Self { run: Run::Asked(run), ..Self::coded::<P>(number, name, run) }
     }
 
     pub(crate) const fn sfb<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
@@ -150,7 +171,7 @@ impl StandardBlock {
             interface.place_at(&addresses, bytes);
         }
         let at = |found: fn(&Declared) -> bool| At(declared.iter().position(found).unwrap_or_default() as u32);
-        let (ret_val, busy) = (at(|d| d.section == Section::Return), at(|d| d.name == "BUSY"));
+        let (ret_val, busy) = (at(|d| d.section == Section::Return || d.name == "ERR_CODE"), at(|d| d.name == "BUSY"));
         Self { origin, id, name, note, interface, run, ret_val, busy }
     }
 
@@ -169,9 +190,9 @@ impl StandardBlock {
                 code
             }
         };
-        let code = code.unwrap_or_else(|error| error);
-        call.set(self.ret_val, u32::from(code));
-        call.br(code & 0x8000 == 0)
+        let (Ok(value) | Err(value)) = code;
+        call.set(self.ret_val, u32::from(value));
+        call.br(code.is_ok())
     }
 
     /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.

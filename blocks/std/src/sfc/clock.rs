@@ -111,7 +111,11 @@ fn rtm(call: &mut Call<'_>) -> Code {
     let (running, hours) = (meter.is_running(), meter.long_hours(now));
     call.set_bool(Rtm::CQ, running);
     call.set_dint(Rtm::CV, hours.unwrap_or(RunTimeMeter::MAX_LONG_HOURS) as i32);
-    Ok(if code == 0 && hours.is_none() { 0x8082 } else { code })
+    match code {
+        0 if hours.is_none() => Err(0x8082),
+        0 => Ok(0),
+        error => Err(error),
+    }
 }
 
 #[cfg(test)]
