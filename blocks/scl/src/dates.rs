@@ -25,15 +25,15 @@ pub(crate) struct ClockRead<'w> {
 impl<'c> Checker<'c> {
     /// T_ADD, T_SUB and T_DIFF are + and -; RD_SYS_T and RD_LOC_T read the clock. The outer `None`: another name.
     pub(crate) fn dated(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
-        let operator = match name {
-            "T_ADD" => Operator::Add,
-            "T_SUB" | "T_DIFF" => Operator::Subtract,
+        let op = match name {
+            "T_ADD" => AccuOp::Add,
+            "T_SUB" | "T_DIFF" => AccuOp::Sub,
             "RD_SYS_T" | "RD_LOC_T" => return Some(self.clock(name, args, span)),
             _ => return None,
         };
         let [left, right] = self.values(name, ["IN1", "IN2"], args, span)?;
         let both = left.good().zip(right.good());
-        Some(both.and_then(|(left, right)| self.binary(operator, left, right, span).good()))
+        Some(both.and_then(|(left, right)| self.binary(Operator::Arithmetic(op), left, right, span).good()))
     }
 
     fn clock(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Typed<'c>> {
