@@ -2,7 +2,7 @@
 
 use ob1_ir::{AccuOp, Arg as IrArg, Compare, Convert, Logic, Op, Operand, Place, Shift, Width};
 use ob1_model::{Area, BitAddr, BlockId, DataType, Section};
-use ob1_stl::front::{Span, dtl, with_article};
+use ob1_stl::front::{Span, dtl, same_layout, with_article};
 
 use crate::check::Checker;
 use crate::code::Code;
@@ -44,7 +44,7 @@ impl<'c> Checker<'c> {
             self.report(target.span, &codes::ACTUAL, format!("OUT of {name} is written: it takes a variable"));
             return None;
         };
-        if *ty != DataType::DateAndTime && !crate::calls::same(ty, &dtl()) {
+        if *ty != DataType::DateAndTime && !same_layout(ty, &dtl()) {
             let message = format!("{name} gives a DTL or DATE_AND_TIME, this is {}", with_article(short(ty)));
             self.report(out.span, &codes::ACTUAL, message);
             return None;

@@ -10,6 +10,7 @@ pub use crate::codes::Code;
 pub use crate::constant::{Constant, Encoded, PointerConstant};
 pub use crate::diagnostic::{Sink, USES};
 pub use crate::fields::FieldIndex;
+pub use crate::fit::same_layout;
 pub use crate::identifiers::{BlockWord, Identifier};
 pub use crate::initial::write_default;
 pub use crate::numbering::OF_FUNCTIONS;

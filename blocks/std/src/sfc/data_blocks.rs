@@ -103,19 +103,21 @@ fn crea_dbl(call: &mut Call<'_>) -> Code {
     let number = create(call.cx.services(), &request)?;
     call.set(CreaDbl::DB_NUM, u32::from(number));
     let Some((source, bytes)) = source.and_then(|any| Some((any, any.bytes()?))) else { return Ok(0) };
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    let bytes = bytes.min(u32::from(request.bytes));
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+    in_pieces(bytes.min(u32::from(request.bytes)), |done, piece| {
         call.read_at(&source, done, piece).map_err(|e| read_error(6, e))?;
         call.cx.services().load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
         if !request.unlinked && !request.read_only {
             call.cx.pointer_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
         }
-        done += piece.len() as u32;
-    }
+        Ok(())
+    })?;
     Ok(0)
+}
+
+/// Bytes from 0 on, one piece after the other.
+fn in_pieces(bytes: u32, mut each: impl FnMut(u32, &mut [u8]) -> Result<(), u16>) -> Result<(), u16> {
+    let mut buffer = [0; CHUNK as usize];
+    (0..bytes).step_by(CHUNK as usize).try_for_each(|at| each(at, &mut buffer[..(bytes - at).min(CHUNK) as usize]))
 }
 
 const fn load_error(error: LoadError, parameter: u32) -> u16 {
@@ -140,30 +142,20 @@ fn dbl(call: &mut Call<'_>, copy: Copy) -> Code {
 
 /// Initial values from the load memory into the work memory.
 fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+    in_pieces(bytes, |done, piece| {
         let read = call.cx.services().load_read(from.db, from.at.byte() + done, piece);
         read.map_err(|e| load_error(e, 2))?;
-        call.write_at(to, done, piece).map_err(|e| write_error(5, e))?;
-        done += piece.len() as u32;
-    }
-    Ok(())
+        call.write_at(to, done, piece).map_err(|e| write_error(5, e))
+    })
 }
 
 /// Actual values from the work memory into the load memory.
 fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+    in_pieces(bytes, |done, piece| {
         call.read_at(from, done, piece).map_err(|e| read_error(2, e))?;
         let written = call.cx.services().load_write(to.db, to.at.byte() + done, piece);
-        written.map_err(|e| load_error(e, 5))?;
-        done += piece.len() as u32;
-    }
-    Ok(())
+        written.map_err(|e| load_error(e, 5))
+    })
 }
 
 #[cfg(test)]
