@@ -5,7 +5,7 @@
 
 pub mod table;
 
-use crate::convert::Reader;
+use crate::convert::typed;
 use crate::cp240::{Cp240, Protocol};
 use crate::error::ParamError;
 use crate::record::{self, Value};
@@ -120,7 +120,7 @@ impl Cp040 {
 
     fn read(bytes: &[u8; 16], name: &str, layout: Layout) -> Result<Self, ParamError> {
         let fields = table::fields(layout);
-        let common = Reader { bytes, layout, fields }.read(name)?;
+        let common = typed(bytes, name, layout, fields)?;
         let code = |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| record::code(bytes, f));
         let duplex = if code("duplex") == 1 { Duplex::Full } else { Duplex::Half };
         let preset = match code("preset") {
