@@ -15,6 +15,7 @@ pub use crate::identifiers::{BlockWord, Identifier};
 pub use crate::initial::write_default;
 pub use crate::numbering::OF_FUNCTIONS;
 pub use crate::operand::Resolver;
+pub use crate::parse_types::simple_types;
 pub use crate::parser::{split_digits, unquote};
 pub use crate::path::slice;
 pub use crate::reader::Reader;
