@@ -79,7 +79,7 @@ impl ValueEnum for Action {
     fn to_possible_value(&self) -> Option<PossibleValue> {
         let (word, help) = match self {
             Self::Command(command) => (
-                command.word(),
+                command.name(),
                 match command {
                     Command::Run => "STOP to RUN by a warm restart; nothing in RUN",
                     Command::Stop => "To STOP: outputs off",
