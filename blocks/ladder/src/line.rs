@@ -125,13 +125,7 @@ impl<'n> Writer<'n> {
         let last = node.statements.end.saturating_sub(1);
         match &node.kind {
             Kind::Edge { rising, boxed, .. } => {
-                let name = match (boxed, rising) {
-                    (false, true) => "P",
-                    (false, false) => "N",
-                    (true, true) => "POS",
-                    (true, false) => "NEG",
-                };
-                format!("{name}({}; {before})", self.value(last))
+                format!("{}({}; {before})", signs::edge(*boxed, *rising), self.value(last))
             }
             Kind::Connector(_) => format!("#({}; {before})", self.value(node.statements.start)),
             _ => format!("NOT({before})"),

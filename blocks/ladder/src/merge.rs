@@ -39,12 +39,8 @@ pub fn merge(old: (&Network, &Tree), new: (&Network, &Tree)) -> Option<Merged> {
     let mut newer = new.1.rungs.clone();
     newer.iter_mut().for_each(|rung| rung.shift(by));
     // The numbers of nodes are their marks until the end.
-    let unmarked = |rungs: Vec<Rung>| {
-        let mut tree = Tree { rungs, nodes: 0, as_step7: false };
-        mark_all(&mut tree, 0);
-        tree.rungs
-    };
-    let (older, newer) = (unmarked(old.1.rungs.clone()), unmarked(newer));
+    let mut older = old.1.rungs.clone();
+    older.iter_mut().chain(&mut newer).for_each(|rung| mark_rung(rung, 0));
     let both = network.clone();
     let mut merger = Merger { texts: Writer::new(&both), named: Vec::new() };
     let text = |rungs: &[Rung]| rungs.iter().map(|rung| merger.texts.rung(rung)).collect::<Vec<_>>();
@@ -80,12 +76,6 @@ pub fn merge(old: (&Network, &Tree), new: (&Network, &Tree)) -> Option<Merged> {
 const GONE: u32 = 1;
 const ADDED: u32 = 2;
 
-fn mark_all(tree: &mut Tree, mark: u32) {
-    for rung in &mut tree.rungs {
-        mark_rung(rung, mark);
-    }
-}
-
 fn mark_rung(rung: &mut Rung, mark: u32) {
     if let Some(logic) = &mut rung.logic {
         mark_node(logic, mark);
@@ -117,8 +107,8 @@ struct Merger<'n> {
 /// One part of two lists.
 enum Pair<T> {
     Both(T, T),
-    Gone(T),
-    Added(T),
+    /// In one of them only: [`GONE`] or [`ADDED`].
+    One(T, u32),
 }
 
 /// The longest common part of two lists by their texts; neighbours of which one is gone and one new are paired when
@@ -143,15 +133,15 @@ fn paired<T>(old: Vec<T>, new: Vec<T>, text: &dyn Fn(&T) -> String, alike: &dyn 
                 (i, j, next_old, next_new) = (i + 1, j + 1, old.next(), new.next());
             }
             (Some(one), other) if other.is_none() || long[i + 1][j] >= long[i][j + 1] => {
-                out.push(Pair::Gone(one));
+                out.push(Pair::One(one, GONE));
                 (i, next_old, next_new) = (i + 1, old.next(), other);
             }
             (one, Some(other)) => {
-                out.push(Pair::Added(other));
+                out.push(Pair::One(other, ADDED));
                 (j, next_old, next_new) = (j + 1, one, new.next());
             }
             (Some(one), None) => {
-                out.push(Pair::Gone(one));
+                out.push(Pair::One(one, GONE));
                 next_old = old.next();
             }
             (None, None) => {}
@@ -187,43 +177,44 @@ fn values(outputs: &[Option<[crate::tree::Value; 2]>; 2]) -> Vec<Option<&ob1_ir:
 }
 
 impl Merger<'_> {
-    fn gone(&mut self, mut node: Node) -> Node {
-        self.named.push((range(&node.statements), '-'));
-        mark_node(&mut node, GONE);
+    /// The names of these statements get the sign of a mark.
+    fn name(&mut self, statements: &std::ops::Range<u32>, mark: u32) {
+        self.named.push((range(statements), if mark == GONE { '-' } else { '+' }));
+    }
+
+    fn one_node(&mut self, mut node: Node, mark: u32) -> Node {
+        self.name(&node.statements, mark);
+        mark_node(&mut node, mark);
         node
     }
 
-    fn added(&mut self, mut node: Node) -> Node {
-        self.named.push((range(&node.statements), '+'));
-        mark_node(&mut node, ADDED);
-        node
-    }
-
-    fn lost_rung(&mut self, mut rung: Rung, mark: u32) -> Rung {
-        let sign = if mark == GONE { '-' } else { '+' };
+    fn one_rung(&mut self, mut rung: Rung, mark: u32) -> Rung {
         mark_rung(&mut rung, mark);
-        let logic = rung.logic.iter().map(|node| range(&node.statements));
-        let ends = rung.ends.iter().map(|end| range(&statements(end)));
-        self.named.extend(logic.chain(ends).map(|range| (range, sign)));
+        rung.logic.iter().for_each(|node| self.name(&node.statements, mark));
+        rung.ends.iter().for_each(|end| self.name(&statements(end), mark));
         rung
+    }
+
+    /// Logic that a rung or pin may have.
+    fn logic(&mut self, old: Option<Node>, new: Option<Node>) -> Option<Node> {
+        match (old, new) {
+            (Some(old), Some(new)) => Some(self.node(old, new)),
+            (Some(old), None) => Some(self.one_node(old, GONE)),
+            (None, new) => new.map(|new| self.one_node(new, ADDED)),
+        }
     }
 
     fn rungs(&mut self, old: Vec<Rung>, new: Vec<Rung>) -> Vec<Rung> {
         let pairs = paired(old, new, &|rung| self.texts.rung(rung), &|_, _| true);
         let one = |pair| match pair {
             Pair::Both(old, new) => self.rung(old, new),
-            Pair::Gone(old) => self.lost_rung(old, GONE),
-            Pair::Added(new) => self.lost_rung(new, ADDED),
+            Pair::One(rung, mark) => self.one_rung(rung, mark),
         };
         pairs.into_iter().map(one).collect()
     }
 
     fn rung(&mut self, old: Rung, new: Rung) -> Rung {
-        let logic = match (old.logic, new.logic) {
-            (Some(old), Some(new)) => Some(self.node(old, new)),
-            (Some(old), None) => Some(self.gone(old)),
-            (None, new) => new.map(|new| self.added(new)),
-        };
+        let logic = self.logic(old.logic, new.logic);
         let both = |a: &End, b: &End| matches!((a, b), (End::Branch { .. }, End::Branch { .. }));
         let pairs = paired(old.ends, new.ends, &|end| self.texts.end(end), &both);
         let one = |pair| match pair {
@@ -231,14 +222,9 @@ impl Merger<'_> {
                 End::Branch { id, statements, carried, arms: self.rungs(old, new) }
             }
             Pair::Both(_, new) => new,
-            Pair::Gone(mut end) => {
-                mark_end(&mut end, GONE);
-                self.named.push((range(&statements(&end)), '-'));
-                end
-            }
-            Pair::Added(mut end) => {
-                mark_end(&mut end, ADDED);
-                self.named.push((range(&statements(&end)), '+'));
+            Pair::One(mut end, mark) => {
+                mark_end(&mut end, mark);
+                self.name(&statements(&end), mark);
                 end
             }
         };
@@ -249,8 +235,7 @@ impl Merger<'_> {
         let pairs = paired(old, new, &|node| self.texts.logic(node), &alike);
         let one = |pair| match pair {
             Pair::Both(old, new) => self.node(old, new),
-            Pair::Gone(old) => self.gone(old),
-            Pair::Added(new) => self.added(new),
+            Pair::One(node, mark) => self.one_node(node, mark),
         };
         pairs.into_iter().map(one).collect()
     }
@@ -276,18 +261,13 @@ impl Merger<'_> {
 
     fn boxed(&mut self, old: BoxNode, new: BoxNode) -> BoxNode {
         let BoxNode { input, body, used } = new;
-        let mut pin = |old: Option<Node>, new: Option<Node>| match (old, new) {
-            (Some(old), Some(new)) => Some(self.node(old, new)),
-            (Some(old), None) => Some(self.gone(old)),
-            (None, new) => new.map(|new| self.added(new)),
-        };
-        let input = pin(old.input, input);
+        let input = self.logic(old.input, input);
         let body = match (old.body, body) {
             (Body::Latch { second: old, .. }, Body::Latch { place, set_first, second }) => {
-                Body::Latch { place, set_first, second: pin(old, second) }
+                Body::Latch { place, set_first, second: self.logic(old, second) }
             }
             (Body::Timer { reset: old, .. }, Body::Timer { time, start, reset, outputs }) => {
-                Body::Timer { time, start, reset: pin(old, reset), outputs }
+                Body::Timer { time, start, reset: self.logic(old, reset), outputs }
             }
             (_, body) => body,
         };

@@ -125,40 +125,30 @@ impl Piece {
     }
 }
 
-/// Why a cell cannot be read or written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CellError {
-    /// The address lies outside its area.
-    Outside,
-    /// The data block is not loaded.
-    NoDb,
-    /// The data block is write-protected, or the cell cannot be written.
-    ReadOnly,
-    /// No such timer or counter.
-    NoTimer,
-    /// No module answers there.
-    NoModule,
-    /// No such diagnostic entry.
-    NoEntry,
-    /// A value that does not fit the cell.
-    Value,
-    /// In STOP peripheral outputs are disabled, unless somebody has enabled them.
-    OutputsOff,
+named! {
+    /// Why a cell cannot be read or written.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum CellError {
+        /// The address lies outside its area.
+        Outside = "outside the area",
+        /// The data block is not loaded.
+        NoDb = "the data block is not loaded",
+        /// The data block is write-protected, or the cell cannot be written.
+        ReadOnly = "cannot be written",
+        /// No such timer or counter.
+        NoTimer = "no such timer or counter",
+        /// No module answers there.
+        NoModule = "no module answers there",
+        /// No such diagnostic entry.
+        NoEntry = "no such entry",
+        /// A value that does not fit the cell.
+        Value = "the value does not fit",
+        /// In STOP peripheral outputs are disabled, unless somebody has enabled them.
+        OutputsOff = "peripheral outputs are disabled in STOP: `ob1 debug`, `outputs on`",
+    }
 }
 
 impl CellError {
-    /// All errors, each once.
-    pub const ALL: [Self; 8] = [
-        Self::Outside,
-        Self::NoDb,
-        Self::ReadOnly,
-        Self::NoTimer,
-        Self::NoModule,
-        Self::NoEntry,
-        Self::Value,
-        Self::OutputsOff,
-    ];
-
     /// A number for a snapshot or a message, from 1.
     pub const fn code(self) -> u8 {
         self as u8 + 1
@@ -175,16 +165,7 @@ impl CellError {
 
 impl fmt::Display for CellError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            CellError::Outside => "outside the area",
-            CellError::NoDb => "the data block is not loaded",
-            CellError::ReadOnly => "cannot be written",
-            CellError::NoTimer => "no such timer or counter",
-            CellError::NoModule => "no module answers there",
-            CellError::NoEntry => "no such entry",
-            CellError::Value => "the value does not fit",
-            CellError::OutputsOff => "peripheral outputs are disabled in STOP: `ob1 debug`, `outputs on`",
-        })
+        f.write_str(self.name())
     }
 }
 

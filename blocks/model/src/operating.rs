@@ -34,47 +34,34 @@ impl OperatingState {
     }
 }
 
-/// What an operator can ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// STOP to RUN, by a warm restart. Nothing happens in RUN.
-    Run,
-    /// To STOP, from any state.
-    Stop,
-    /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit
-    /// memory, timers and counters are cleared, other data blocks get their load values.
-    Warm,
-    /// Warm restart that keeps the values of all data blocks, whatever is retentive.
-    Keep,
-    /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
-    Cold,
-    /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the
-    /// interrupted one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came
-    /// before.
-    Hot,
-    /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
-    Reset,
+named! {
+    /// What an operator can ask for, named by the word on a command line, on the socket of a station and in the web
+    /// page's requests.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Command {
+        /// STOP to RUN, by a warm restart. Nothing happens in RUN.
+        Run = "run",
+        /// To STOP, from any state.
+        Stop = "stop",
+        /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of
+        /// bit memory, timers and counters are cleared, other data blocks get their load values.
+        Warm = "warm",
+        /// Warm restart that keeps the values of all data blocks, whatever is retentive.
+        Keep = "keep",
+        /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
+        Cold = "cold",
+        /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of
+        /// the interrupted one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no
+        /// RUN came before.
+        Hot = "hot",
+        /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
+        Reset = "reset",
+    }
 }
 
 impl Command {
-    /// Every command, each once.
-    pub const ALL: [Self; 7] = [Self::Run, Self::Stop, Self::Warm, Self::Keep, Self::Cold, Self::Hot, Self::Reset];
-
-    /// The word for it on a command line, on the socket of a station and in the web page's requests.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Run => "run",
-            Self::Stop => "stop",
-            Self::Warm => "warm",
-            Self::Keep => "keep",
-            Self::Cold => "cold",
-            Self::Hot => "hot",
-            Self::Reset => "reset",
-        }
-    }
-
     /// The command with that word.
     pub fn of_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|command| command.word() == word)
+        Self::ALL.into_iter().find(|command| command.name() == word)
     }
 }

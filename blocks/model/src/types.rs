@@ -99,6 +99,31 @@ impl DataType {
         )
     }
 
+    /// The types that a source writes as one word.
+    pub const WORDS: &[Self] = &[
+        Self::Bool,
+        Self::Byte,
+        Self::Char,
+        Self::Word,
+        Self::Int,
+        Self::DWord,
+        Self::DInt,
+        Self::Real,
+        Self::S5Time,
+        Self::Time,
+        Self::Date,
+        Self::TimeOfDay,
+        Self::DateAndTime,
+        Self::Pointer,
+        Self::Any,
+        Self::BlockDb,
+        Self::BlockFb,
+        Self::BlockFc,
+        Self::BlockSdb,
+        Self::Timer,
+        Self::Counter,
+    ];
+
     /// The keyword of the source language.
     pub const fn name(&self) -> &'static str {
         match self {

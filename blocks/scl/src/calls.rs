@@ -2,7 +2,9 @@
 
 use ob1_ir::{DataKind, Number, Target};
 use ob1_model::{BlockId, BlockKind, DataType, Param, Section};
-use ob1_stl::front::{Info, Span, Symbolic, Token, called, called_with, same_instance, split_digits, with_article};
+use ob1_stl::front::{
+    Info, Span, Symbolic, Token, called, called_with, same_instance, same_layout, split_digits, with_article,
+};
 
 use crate::check::Checker;
 use crate::codes;
@@ -344,7 +346,7 @@ impl<'c> Checker<'c> {
             }
             (DataType::String(_), DataType::String(_) | DataType::Char) => true,
             (a, b) if a.is_parameter_type() => a == b || matches!(a, DataType::TimerOrWord),
-            (a, b) if a.is_composed() => same(a, b),
+            (a, b) if a.is_composed() => same_layout(a, b),
             _ => return self.coerced(value, to),
         };
         if !fits {
@@ -372,7 +374,7 @@ impl<'c> Checker<'c> {
             return self.coerced(value, &formal.ty);
         }
         let fits = pointer
-            || same(&formal.ty, value.ty)
+            || same_layout(&formal.ty, value.ty)
             || formal.section != Section::InOut && {
                 let back = Typed::new(Kind::Ok, &formal.ty, value.span);
                 implicit(back, value.ty).is_ok()
@@ -385,17 +387,5 @@ impl<'c> Checker<'c> {
         }
         self.mark_written(&value);
         Some(value)
-    }
-}
-
-/// True for types of the same bytes: names and start values do not count, the length of a STRING neither.
-pub(crate) fn same(a: &DataType, b: &DataType) -> bool {
-    match (a, b) {
-        (DataType::Struct(a), DataType::Struct(b)) => {
-            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(&a.ty, &b.ty))
-        }
-        (DataType::Array(da, a), DataType::Array(db, b)) => da == db && same(a, b),
-        (DataType::String(_), DataType::String(_)) => true,
-        _ => a == b,
     }
 }

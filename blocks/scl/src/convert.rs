@@ -10,7 +10,8 @@ fn mask(bits: u32) -> Op {
     Op::DWordLogic(WordLogic::And, Some(bits))
 }
 
-fn converted<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, ty: &'w DataType) -> Typed<'w> {
+/// Operations on ACCU1, as a function of it.
+pub(crate) fn by<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, ty: &'w DataType) -> Typed<'w> {
     let span = value.span;
     // The width of an access is that of the variable, and an operation is that of its own type.
     let bits = value.ty.elementary_bits();
@@ -35,12 +36,12 @@ pub(crate) fn implicit<'w>(value: Typed<'w>, to: &'w DataType) -> Result<Typed<'
             Typed::new(Kind::FromBool(Box::new(value)), to, span)
         }
         (from, to) if is_bits(from) && is_bits(to) && rank(from) < rank(to) => widened(value, to),
-        (Int, DInt) => converted(vec![Op::Convert(Convert::Itd)], Check::Never, value, to),
+        (Int, DInt) => by(vec![Op::Convert(Convert::Itd)], Check::Never, value, to),
         (Int, Real) => {
             let ops = vec![Op::Convert(Convert::Itd), Op::Convert(Convert::Dtr)];
-            converted(ops, Check::Never, value, to)
+            by(ops, Check::Never, value, to)
         }
-        (DInt, Real) => converted(vec![Op::Convert(Convert::Dtr)], Check::Never, value, to),
+        (DInt, Real) => by(vec![Op::Convert(Convert::Dtr)], Check::Never, value, to),
         _ => return Err(value),
     })
 }
@@ -51,7 +52,7 @@ fn widened<'w>(value: Typed<'w>, to: &'w DataType) -> Typed<'w> {
     let plain = matches!(value.kind, Kind::Var(_) | Kind::Constant(_));
     let bits = value.ty.elementary_bits().unwrap_or(32);
     let ops = if plain || bits >= 32 { Vec::new() } else { vec![mask(u32::MAX >> (32 - bits))] };
-    converted(ops, Check::Never, value, to)
+    by(ops, Check::Never, value, to)
 }
 
 /// The name of the function that converts, for a remedy.
@@ -118,10 +119,5 @@ pub(crate) fn explicit<'w>(value: Typed<'w>, to: &'w DataType) -> Option<Typed<'
     let bits = value.ty.elementary_bits().unwrap_or(32);
     let needless = |op: &Op| matches!(op, Op::DWordLogic(WordLogic::And, Some(kept)) if bits < 32 && *kept >= u32::MAX >> (32 - bits));
     let ops = if plain && check == Check::Never { ops.into_iter().filter(|op| !needless(op)).collect() } else { ops };
-    Some(converted(ops, check, value, to))
-}
-
-/// One operation on ACCU1, as a function of it.
-pub(crate) fn by<'w>(ops: Vec<Op>, check: Check, value: Typed<'w>, to: &'w DataType) -> Typed<'w> {
-    converted(ops, check, value, to)
+    Some(by(ops, check, value, to))
 }

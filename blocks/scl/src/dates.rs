@@ -2,7 +2,7 @@
 
 use ob1_ir::{AccuOp, Arg as IrArg, Compare, Convert, Logic, Op, Operand, Place, Shift, Width};
 use ob1_model::{Area, BitAddr, BlockId, DataType, Section};
-use ob1_stl::front::{Span, dtl, with_article};
+use ob1_stl::front::{Span, dtl, same_layout, with_article};
 
 use crate::check::Checker;
 use crate::code::Code;
@@ -25,15 +25,15 @@ pub(crate) struct ClockRead<'w> {
 impl<'c> Checker<'c> {
     /// T_ADD, T_SUB and T_DIFF are + and -; RD_SYS_T and RD_LOC_T read the clock. The outer `None`: another name.
     pub(crate) fn dated(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Option<Typed<'c>>> {
-        let operator = match name {
-            "T_ADD" => Operator::Add,
-            "T_SUB" | "T_DIFF" => Operator::Subtract,
+        let op = match name {
+            "T_ADD" => AccuOp::Add,
+            "T_SUB" | "T_DIFF" => AccuOp::Sub,
             "RD_SYS_T" | "RD_LOC_T" => return Some(self.clock(name, args, span)),
             _ => return None,
         };
         let [left, right] = self.values(name, ["IN1", "IN2"], args, span)?;
         let both = left.good().zip(right.good());
-        Some(both.and_then(|(left, right)| self.binary(operator, left, right, span).good()))
+        Some(both.and_then(|(left, right)| self.binary(Operator::Arithmetic(op), left, right, span).good()))
     }
 
     fn clock(&mut self, name: &str, args: &[Arg], span: Span) -> Option<Typed<'c>> {
@@ -44,7 +44,7 @@ impl<'c> Checker<'c> {
             self.report(target.span, &codes::ACTUAL, format!("OUT of {name} is written: it takes a variable"));
             return None;
         };
-        if *ty != DataType::DateAndTime && !crate::calls::same(ty, &dtl()) {
+        if *ty != DataType::DateAndTime && !same_layout(ty, &dtl()) {
             let message = format!("{name} gives a DTL or DATE_AND_TIME, this is {}", with_article(short(ty)));
             self.report(out.span, &codes::ACTUAL, message);
             return None;

@@ -10,7 +10,7 @@ use crate::convert::{by, explicit, function, implicit};
 use crate::syntax::{Expr, ExprKind, Operator};
 use crate::tree::{Check, Kind, Typed, Var};
 use crate::types::{
-    BOOL, BYTE, DATE, DINT, DT, DWORD, INT, NOTHING, REAL, STRING, TIME, TOD, WORD, is_bits, is_number, is_whole, rank,
+    BOOL, BYTE, DATE, DINT, DWORD, INT, NOTHING, REAL, STRING, TIME, TOD, WORD, is_bits, is_number, is_whole, rank,
     short,
 };
 
@@ -61,8 +61,7 @@ impl<'c> Checker<'c> {
 
     /// An expression as a value of a type.
     pub(crate) fn expr_as(&mut self, expr: &Expr, to: &'c DataType) -> Option<Typed<'c>> {
-        let value = self.expr(expr);
-        if value.is_bad() { None } else { self.coerced(value, to) }
+        self.expr(expr).good().and_then(|value| self.coerced(value, to))
     }
 
     /// A value as one of a wider type of its class. `None`: reported.
@@ -160,17 +159,11 @@ impl<'c> Checker<'c> {
 
     pub(crate) fn binary(&mut self, operator: Operator, left: Typed<'c>, right: Typed<'c>, span: Span) -> Typed<'c> {
         let result = match operator {
-            Operator::And => self.logic(Logic::And, left, right, span),
-            Operator::Or => self.logic(Logic::Or, left, right, span),
-            Operator::Xor => self.logic(Logic::Xor, left, right, span),
-            Operator::Equal => self.compare(Compare::Equal, operator, left, right, span),
-            Operator::NotEqual => self.compare(Compare::NotEqual, operator, left, right, span),
-            Operator::Less => self.compare(Compare::Less, operator, left, right, span),
-            Operator::Greater => self.compare(Compare::Greater, operator, left, right, span),
-            Operator::LessEqual => self.compare(Compare::LessEqual, operator, left, right, span),
-            Operator::GreaterEqual => self.compare(Compare::GreaterEqual, operator, left, right, span),
+            Operator::Logic(logic) => self.logic(logic, left, right, span),
+            Operator::Compare(relation) => self.compare(relation, left, right, span),
             Operator::Power => self.power(left, right, span),
-            _ => self.arithmetic(operator, left, right, span),
+            Operator::Arithmetic(op) => self.arithmetic(operator, op, left, right, span),
+            Operator::Div => self.arithmetic(operator, AccuOp::Div, left, right, span),
         };
         result.unwrap_or_else(|| self.bad(span))
     }
@@ -192,12 +185,10 @@ impl<'c> Checker<'c> {
         let (left, right) = self.adapted(left, right)?;
         if *left.ty == DataType::Bool || *right.ty == DataType::Bool {
             if *left.ty != *right.ty {
-                let (bits, bool) = if *left.ty == DataType::Bool { (&right, &left) } else { (&left, &right) };
-                if !is_bits(bits.ty) {
-                    return self.refuse(operator_of(logic), &left, &right, span);
-                }
-                let _ = bool;
                 let ty = if *left.ty == DataType::Bool { right.ty } else { left.ty };
+                if !is_bits(ty) {
+                    return self.refuse(Operator::Logic(logic), &left, &right, span);
+                }
                 let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
                 return Some(Typed::new(Kind::Bits(logic, Box::new(left), Box::new(right)), ty, span));
             }
@@ -210,7 +201,7 @@ impl<'c> Checker<'c> {
             return Some(Typed::new(Kind::Logic(logic, all), &BOOL, span));
         }
         if !is_bits(left.ty) || !is_bits(right.ty) {
-            return self.refuse(operator_of(logic), &left, &right, span);
+            return self.refuse(Operator::Logic(logic), &left, &right, span);
         }
         let ty = if rank(left.ty) >= rank(right.ty) { left.ty } else { right.ty };
         let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
@@ -241,26 +232,20 @@ impl<'c> Checker<'c> {
         }
     }
 
-    fn compare(
-        &mut self,
-        relation: Compare,
-        operator: Operator,
-        left: Typed<'c>,
-        right: Typed<'c>,
-        span: Span,
-    ) -> Option<Typed<'c>> {
+    fn compare(&mut self, relation: Compare, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
         let equality = matches!(relation, Compare::Equal | Compare::NotEqual);
         let mixed = is_number(left.ty) || is_number(right.ty);
         if self.is_unsigned(&left, &right) && (!equality || mixed) {
-            return self.compare_unsigned(relation, operator, left, right, span);
+            return self.compare_unsigned(relation, left, right, span);
         }
         let (left, right) = self.adapted(left, right)?;
-        let texts = |ty: &DataType| matches!(ty, DataType::String(_));
-        if texts(left.ty) || texts(right.ty) {
-            return self.compare_texts(relation, operator, left, right, span);
+        let is_string = |ty: &DataType| matches!(ty, DataType::String(_));
+        let is_text = |ty: &DataType| is_string(ty) || *ty == DataType::Char;
+        if (is_string(left.ty) || is_string(right.ty)) && is_text(left.ty) && is_text(right.ty) {
+            return self.library(&format!("{}_STRNG", word(relation)), vec![left, right], span);
         }
         if *left.ty == DataType::DateAndTime && *right.ty == DataType::DateAndTime {
-            return self.library(&date_function(relation), vec![left, right], span);
+            return self.library(&format!("{}_DT", word(relation)), vec![left, right], span);
         }
         if *left.ty == DataType::Bool && *right.ty == DataType::Bool && equality {
             let unequal = Typed::new(Kind::Logic(Logic::Xor, vec![left, right]), &BOOL, span);
@@ -280,36 +265,13 @@ impl<'c> Checker<'c> {
             (DataType::Date, DataType::Date) => &DATE,
             (DataType::S5Time, DataType::S5Time) if equality => &crate::types::S5TIME,
             (DataType::BlockDb, DataType::BlockDb) if equality => &crate::types::BLOCK_DB,
-            _ => return self.refuse(operator, &left, &right, span),
+            _ => return self.refuse(Operator::Compare(relation), &left, &right, span),
         };
         if *common == DataType::Real && equality {
             self.report(span, &codes::REAL_EQUAL, "real numbers are compared for equality");
         }
         let (left, right) = (self.coerced(left, common)?, self.coerced(right, common)?);
         Some(Typed::new(Kind::Compare(relation, Box::new(left), Box::new(right)), &BOOL, span))
-    }
-
-    fn compare_texts(
-        &mut self,
-        relation: Compare,
-        operator: Operator,
-        left: Typed<'c>,
-        right: Typed<'c>,
-        span: Span,
-    ) -> Option<Typed<'c>> {
-        let text = |ty: &DataType| matches!(ty, DataType::String(_) | DataType::Char);
-        if !text(left.ty) || !text(right.ty) {
-            return self.refuse(operator, &left, &right, span);
-        }
-        let name = match relation {
-            Compare::Equal => "EQ_STRNG",
-            Compare::NotEqual => "NE_STRNG",
-            Compare::Greater => "GT_STRNG",
-            Compare::Less => "LT_STRNG",
-            Compare::GreaterEqual => "GE_STRNG",
-            Compare::LessEqual => "LE_STRNG",
-        };
-        self.library(name, vec![left, right], span)
     }
 
     fn power(&mut self, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
@@ -323,19 +285,19 @@ impl<'c> Checker<'c> {
         Some(Typed::new(Kind::Power(Box::new(left), Box::new(right)), &REAL, span))
     }
 
-    fn arithmetic(&mut self, operator: Operator, left: Typed<'c>, right: Typed<'c>, span: Span) -> Option<Typed<'c>> {
+    fn arithmetic(
+        &mut self,
+        operator: Operator,
+        op: AccuOp,
+        left: Typed<'c>,
+        right: Typed<'c>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
         if let (Kind::Flexible(a), Kind::Flexible(b)) = (&left.kind, &right.kind)
             && let Some(constant) = ob1_stl::fold_constants(operator.name(), a, b)
         {
             return Some(flexible(constant, span));
         }
-        let op = match operator {
-            Operator::Add => AccuOp::Add,
-            Operator::Subtract => AccuOp::Sub,
-            Operator::Multiply => AccuOp::Mul,
-            Operator::Mod => AccuOp::Mod,
-            _ => AccuOp::Div,
-        };
         let zero = matches!(&right.kind, Kind::Flexible(Constant::Integer(0) | Constant::DInt(0)));
         if matches!(op, AccuOp::Div | AccuOp::Mod) && zero {
             self.report(right.span, &codes::DIVISION_BY_ZERO, "this divides by 0");
@@ -351,14 +313,14 @@ impl<'c> Checker<'c> {
             return self.refuse(operator, &left, &right, span);
         }
         let ty: &'static DataType = wider(left.ty, right.ty);
-        if matches!(operator, Operator::Mod | Operator::Div) && !is_whole(ty) {
+        if (op == AccuOp::Mod || operator == Operator::Div) && !is_whole(ty) {
             return self.refuse(operator, &left, &right, span);
         }
         let (left, right) = (self.coerced(left, ty)?, self.coerced(right, ty)?);
         if let Some(product) = one_factor(op, &left, &right, span) {
             return Some(product);
         }
-        if operator == Operator::Mod && *ty == DataType::Int {
+        if op == AccuOp::Mod && *ty == DataType::Int {
             let (left, right) = (self.coerced(left, &DINT)?, self.coerced(right, &DINT)?);
             return Some(Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), &INT, span));
         }
@@ -378,42 +340,25 @@ impl<'c> Checker<'c> {
             Typed::new(Kind::Arithmetic(op, Box::new(left), Box::new(right)), ty, span)
         };
         let (a, b) = (left.ty, right.ty);
+        // Both sides in their types.
+        let mut both = |a, b| self.coerced(left.clone(), a).zip(self.coerced(right.clone(), b));
         let result = match (a, op, b) {
-            (Time, AccuOp::Add | AccuOp::Sub, Time) => {
-                let (left, right) = (self.coerced(left.clone(), &TIME), self.coerced(right.clone(), &TIME));
-                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
-            }
+            (Time, AccuOp::Add | AccuOp::Sub, Time) => both(&TIME, &TIME).map(|(l, r)| node(op, &TIME, l, r)),
             (Time, AccuOp::Add | AccuOp::Sub, DataType::DInt) | (Time, AccuOp::Mul | AccuOp::Div, _)
                 if is_whole(b) || matches!(right.kind, Kind::Flexible(_)) =>
             {
-                let (left, right) = (self.coerced(left.clone(), &TIME), self.coerced(right.clone(), &DINT));
-                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
+                both(&TIME, &DINT).map(|(l, r)| node(op, &TIME, l, r))
             }
-            (_, AccuOp::Mul, Time) if is_whole(a) => {
-                let (left, right) = (self.coerced(left.clone(), &DINT), self.coerced(right.clone(), &TIME));
-                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
-            }
+            (_, AccuOp::Mul, Time) if is_whole(a) => both(&DINT, &TIME).map(|(l, r)| node(op, &TIME, l, r)),
             (TimeOfDay, AccuOp::Add | AccuOp::Sub, Time) => {
-                let (left, right) = (self.coerced(left.clone(), &TOD), self.coerced(right.clone(), &TIME));
-                let both = left.zip(right);
-                both.map(|(l, r)| Typed::new(Kind::WithinDay(op, Box::new(l), Box::new(r)), &TOD, span))
+                both(&TOD, &TIME).map(|(l, r)| Typed::new(Kind::WithinDay(op, Box::new(l), Box::new(r)), &TOD, span))
             }
-            (TimeOfDay, AccuOp::Sub, TimeOfDay) => {
-                let (left, right) = (self.coerced(left.clone(), &TOD), self.coerced(right.clone(), &TOD));
-                left.zip(right).map(|(left, right)| node(op, &TIME, left, right))
-            }
-            (Date, AccuOp::Sub, Date) => {
-                let days = |this: &mut Self, v: &Typed<'c>| {
-                    let v = this.coerced(v.clone(), &DATE)?;
-                    crate::convert::explicit(v, &DINT)
-                };
-                let (left, right) = (days(self, left), days(self, right));
-                left.zip(right).map(|(left, right)| {
-                    let days = node(op, &DINT, left, right);
-                    let day = Typed::new(Kind::Constant(86_400_000), &DINT, span);
-                    node(AccuOp::Mul, &TIME, days, day)
-                })
-            }
+            (TimeOfDay, AccuOp::Sub, TimeOfDay) => both(&TOD, &TOD).map(|(l, r)| node(op, &TIME, l, r)),
+            (Date, AccuOp::Sub, Date) => both(&DATE, &DATE).and_then(|(l, r)| {
+                let days = node(op, &DINT, explicit(l, &DINT)?, explicit(r, &DINT)?);
+                let day = Typed::new(Kind::Constant(86_400_000), &DINT, span);
+                Some(node(AccuOp::Mul, &TIME, days, day))
+            }),
             (DateAndTime, AccuOp::Add, Time) => self.library("AD_DT_TM", vec![left.clone(), right.clone()], span),
             (DateAndTime, AccuOp::Sub, Time) => self.library("SB_DT_TM", vec![left.clone(), right.clone()], span),
             (DateAndTime, AccuOp::Sub, DateAndTime) => {
@@ -421,7 +366,6 @@ impl<'c> Checker<'c> {
             }
             _ => return None,
         };
-        let _ = &DT;
         Some(result)
     }
 
@@ -432,24 +376,16 @@ impl<'c> Checker<'c> {
     }
 }
 
-const fn operator_of(logic: Logic) -> Operator {
-    match logic {
-        Logic::And => Operator::And,
-        Logic::Or => Operator::Or,
-        Logic::Xor => Operator::Xor,
-    }
-}
-
-fn date_function(relation: Compare) -> String {
-    let word = match relation {
+/// The word of a comparison in the name of a block of the library.
+const fn word(relation: Compare) -> &'static str {
+    match relation {
         Compare::Equal => "EQ",
         Compare::NotEqual => "NE",
         Compare::Greater => "GT",
         Compare::Less => "LT",
         Compare::GreaterEqual => "GE",
         Compare::LessEqual => "LE",
-    };
-    format!("{word}_DT")
+    }
 }
 
 /// The wider of two types of a class.

@@ -1,6 +1,6 @@
 //! Standard functions: those that are no blocks.
 
-use ob1_ir::{Compare, Convert, MathFn, Op};
+use ob1_ir::{AccuOp, Compare, Convert, MathFn, Op};
 use ob1_model::DataType;
 use ob1_stl::front::{Constant, OF_FUNCTIONS, Span, Token, with_article};
 
@@ -81,44 +81,18 @@ impl<'c> Checker<'c> {
             },
             _ => (name, None),
         };
+        if MathFn::ALL.iter().any(|known| known.name() == plain) || OF_ONE_VALUE.contains(&plain) {
+            let [value] = self.values(plain, ["IN"], args, span)?;
+            return Some(self.of_one_value(plain, value, ty, span));
+        }
         let result = match plain {
-            _ if MathFn::ALL.iter().any(|known| known.name() == plain) => {
-                let function = MathFn::ALL.into_iter().find(|known| known.name() == plain)?;
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.math(function, value)
-            }
-            "LOG" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.math(MathFn::Ln, value).and_then(|ln| {
-                    let ten = Typed::new(Kind::Constant(LN_10.to_bits()), &REAL, span);
-                    Some(self.binary(Operator::Divide, ln, ten, span)).filter(|v| !v.is_bad())
-                })
-            }
-            "EXPD" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                let ten = Typed::new(Kind::Constant(10f32.to_bits()), &REAL, span);
-                Some(self.binary(Operator::Power, ten, value, span)).filter(|v| !v.is_bad())
-            }
-            "ABS" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.abs(value, ty, span)
-            }
-            "ROUND" | "TRUNC" | "CEIL" | "FLOOR" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.rounded(plain, value, ty)
-            }
-            "FRAC" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                let whole = self.rounded("TRUNC", value.clone(), None);
-                whole.map(|whole| self.binary(Operator::Subtract, value, whole, span))
-            }
             "NORM_X" => {
                 let [min, value, max] = self.values(plain, ["MIN", "VALUE", "MAX"], args, span)?;
                 let all = [min, value, max].map(|v| v.good().and_then(|v| self.coerced(v, &REAL)));
                 let [Some(min), Some(value), Some(max)] = all else { return Some(None) };
-                let above = self.binary(Operator::Subtract, value, min.clone(), span);
-                let range = self.binary(Operator::Subtract, max, min, span);
-                Some(self.binary(Operator::Divide, above, range, span))
+                let above = self.binary(Operator::Arithmetic(AccuOp::Sub), value, min.clone(), span);
+                let range = self.binary(Operator::Arithmetic(AccuOp::Sub), max, min, span);
+                Some(self.binary(Operator::Arithmetic(AccuOp::Div), above, range, span))
             }
             "SCALE_X" => {
                 let [min, value, max] = self.values(plain, ["MIN", "VALUE", "MAX"], args, span)?;
@@ -144,44 +118,51 @@ impl<'c> Checker<'c> {
             "SHR" => self.shift(Shifted::Right, args, span, ty),
             "ROL" => self.shift(Shifted::RotateLeft, args, span, ty),
             "ROR" => self.shift(Shifted::RotateRight, args, span, ty),
-            "SWAP" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.swapped(value, span)
-            }
             "LOWER_BOUND" | "UPPER_BOUND" => self.bound_of(plain, args, span),
-            "MAX_LEN" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                match value.ty {
-                    DataType::String(max) => Some(Typed::new(Kind::Constant(u32::from(*max)), &INT, span)),
-                    _ => self.wrong(plain, &value, "a STRING"),
-                }
-            }
-            // A CHAR is taken wherever a STRING is.
-            "CHAR_TO_STRING" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                if value.is_bad() { None } else { self.coerced(value, &types::CHAR) }
-            }
             "BCD_TO_INT" | "WORD_BCD_TO_INT" => self.bcd(Convert::Bti, args, &WORD, &INT, span),
             "INT_TO_BCD" | "INT_TO_BCD_WORD" => self.bcd(Convert::Itb, args, &INT, &WORD, span),
             "BCD_TO_DINT" | "DWORD_BCD_TO_DINT" => self.bcd(Convert::Btd, args, &DWORD, &DINT, span),
             "DINT_TO_BCD" | "DINT_TO_BCD_DWORD" => self.bcd(Convert::Dtb, args, &DINT, &DWORD, span),
-            "WORD_TO_BLOCK_DB" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                self.coerced(value, &WORD)
-                    .map(|value| Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &BLOCK_DB, span))
-            }
-            "BLOCK_DB_TO_WORD" => {
-                let [value] = self.values(plain, ["IN"], args, span)?;
-                match *value.ty {
-                    DataType::BlockDb => {
-                        Some(Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), &WORD, span))
-                    }
-                    _ => self.wrong(plain, &value, "a BLOCK_DB"),
-                }
-            }
             _ => return self.conversion(name, args, span),
         };
         Some(result)
+    }
+
+    /// A function of [`OF_ONE_VALUE`], or of [`MathFn`].
+    fn of_one_value(
+        &mut self,
+        name: &str,
+        value: Typed<'c>,
+        ty: Option<&'static DataType>,
+        span: Span,
+    ) -> Option<Typed<'c>> {
+        let as_it_is = |value, ty| Typed::new(Kind::Convert(Vec::new(), Check::Never, Box::new(value)), ty, span);
+        match (name, value.ty) {
+            ("LOG", _) => {
+                let ln = self.math(MathFn::Ln, value)?;
+                let ten = Typed::new(Kind::Constant(LN_10.to_bits()), &REAL, span);
+                self.binary(Operator::Arithmetic(AccuOp::Div), ln, ten, span).good()
+            }
+            ("EXPD", _) => {
+                let ten = Typed::new(Kind::Constant(10f32.to_bits()), &REAL, span);
+                self.binary(Operator::Power, ten, value, span).good()
+            }
+            ("ABS", _) => self.abs(value, ty, span),
+            ("ROUND" | "TRUNC" | "CEIL" | "FLOOR", _) => self.rounded(name, value, ty),
+            ("FRAC", _) => {
+                let whole = self.rounded("TRUNC", value.clone(), None)?;
+                Some(self.binary(Operator::Arithmetic(AccuOp::Sub), value, whole, span))
+            }
+            ("SWAP", _) => self.swapped(value),
+            ("MAX_LEN", DataType::String(max)) => Some(Typed::new(Kind::Constant(u32::from(*max)), &INT, span)),
+            ("MAX_LEN", _) => self.wrong(name, &value, "a STRING"),
+            // A CHAR is taken wherever a STRING is.
+            ("CHAR_TO_STRING", _) => value.good().and_then(|value| self.coerced(value, &types::CHAR)),
+            ("WORD_TO_BLOCK_DB", _) => self.coerced(value, &WORD).map(|value| as_it_is(value, &BLOCK_DB)),
+            ("BLOCK_DB_TO_WORD", DataType::BlockDb) => Some(as_it_is(value, &WORD)),
+            ("BLOCK_DB_TO_WORD", _) => self.wrong(name, &value, "a BLOCK_DB"),
+            _ => self.math(MathFn::ALL.into_iter().find(|known| known.name() == name)?, value),
+        }
     }
 
     /// `X_TO_Y` of elementary types.
@@ -210,11 +191,7 @@ impl<'c> Checker<'c> {
             self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
             return Some(None);
         };
-        let value = self.expr(value);
-        if value.is_bad() {
-            return Some(None);
-        }
-        let Some(value) = self.coerced(value, from) else { return Some(None) };
+        let Some(value) = self.expr_as(value, from) else { return Some(None) };
         if let Some(operation) = of_udint {
             return Some(Some(Typed::new(Kind::Unsigned(operation, vec![value]), to, span)));
         }
@@ -323,10 +300,7 @@ impl<'c> Checker<'c> {
     }
 
     fn rounded(&mut self, name: &str, value: Typed<'c>, ty: Option<&'static DataType>) -> Option<Typed<'c>> {
-        if value.is_bad() {
-            return None;
-        }
-        let value = self.coerced(value, &REAL)?;
+        let value = self.coerced(value.good()?, &REAL)?;
         let op = match name {
             "ROUND" => Convert::Rnd,
             "TRUNC" => Convert::Trunc,
@@ -350,11 +324,11 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<Typed<'c>> {
         let ty = ty.or_else(|| is_whole(min.ty).then(|| wider(min.ty, max.ty)));
-        let all = [min, value, max].map(|v| if v.is_bad() { None } else { self.coerced(v, &REAL) });
+        let all = [min, value, max].map(|v| v.good().and_then(|v| self.coerced(v, &REAL)));
         let [Some(min), Some(value), Some(max)] = all else { return None };
-        let range = self.binary(Operator::Subtract, max, min.clone(), span);
-        let above = self.binary(Operator::Multiply, value, range, span);
-        let sum = self.binary(Operator::Add, above, min, span);
+        let range = self.binary(Operator::Arithmetic(AccuOp::Sub), max, min.clone(), span);
+        let above = self.binary(Operator::Arithmetic(AccuOp::Mul), value, range, span);
+        let sum = self.binary(Operator::Arithmetic(AccuOp::Add), above, min, span);
         match ty {
             Some(ty) => explicit(sum, ty),
             None => Some(sum),
@@ -362,8 +336,7 @@ impl<'c> Checker<'c> {
     }
 
     fn selected(&mut self, g: Typed<'c>, zero: Typed<'c>, one: Typed<'c>, at: Wanted) -> Option<Typed<'c>> {
-        let g = g.good()?;
-        let g = self.coerced(g, &BOOL)?;
+        let g = self.coerced(g.good()?, &BOOL)?;
         let (all, ty) = self.common(vec![zero, one], at)?;
         let [zero, one]: [Typed<'c>; 2] = all.try_into().ok()?;
         Some(Typed::new(Kind::Select(Box::new([g, zero, one])), ty, at.1))
@@ -417,11 +390,8 @@ impl<'c> Checker<'c> {
             self.report_with(span, &codes::NOT_SUPPORTED, message, "Write IF ... THEN ... ELSE.".to_owned());
             return None;
         }
-        let mut out = Vec::with_capacity(values.len());
-        for value in values {
-            out.push(self.coerced(value, ty)?);
-        }
-        Some((out, ty))
+        let all: Option<Vec<Typed<'c>>> = values.into_iter().map(|value| self.coerced(value, ty)).collect();
+        Some((all?, ty))
     }
 
     fn shift(
@@ -432,9 +402,7 @@ impl<'c> Checker<'c> {
         ty: Option<&'static DataType>,
     ) -> Option<Typed<'c>> {
         let [value, count] = self.values("SHL, SHR, ROL, ROR", ["IN", "N"], args, span)?;
-        if value.is_bad() || count.is_bad() {
-            return None;
-        }
+        let (value, count) = (value.good()?, count.good()?);
         let value = match (ty, &value.kind) {
             (Some(ty), _) => self.coerced(value, ty)?,
             (None, Kind::Flexible(constant)) => {
@@ -484,7 +452,7 @@ impl<'c> Checker<'c> {
         Some(Typed::new(Kind::Flexible(Constant::Integer(i64::from(bound))), &DINT, span))
     }
 
-    fn swapped(&mut self, value: Typed<'c>, _span: Span) -> Option<Typed<'c>> {
+    fn swapped(&mut self, value: Typed<'c>) -> Option<Typed<'c>> {
         let value = self.plain(value)?;
         let ty = value.ty;
         match ty {
@@ -503,13 +471,17 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<Typed<'c>> {
         let [value] = self.values("a BCD conversion", ["IN"], args, span)?;
-        if value.is_bad() {
-            return None;
-        }
-        let value = self.coerced(value, from)?;
+        let value = self.coerced(value.good()?, from)?;
         Some(by(vec![Op::Convert(op)], Check::Overflow, value, to))
     }
 }
+
+/// Functions of one value besides those of [`MathFn`].
+#[rustfmt::skip]
+const OF_ONE_VALUE: [&str; 13] = [
+    "LOG", "EXPD", "ABS", "ROUND", "TRUNC", "CEIL", "FLOOR", "FRAC", "SWAP", "MAX_LEN", "CHAR_TO_STRING",
+    "WORD_TO_BLOCK_DB", "BLOCK_DB_TO_WORD",
+];
 
 /// Functions besides those of [`MathFn`] and the conversions.
 #[rustfmt::skip]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use ob1_ir::{BitTest, Compare, Jump, Logic, Op, Operand, Place, Width};
 use ob1_model::{BlockKind, DataType, Layout, Section};
-use ob1_stl::front::{Constant, Span, Token, write_default};
+use ob1_stl::front::{Constant, Span, Token, same_layout, write_default};
 
 use crate::check::Checker;
 use crate::code::{Code, Label as Mark};
@@ -472,7 +472,7 @@ impl<'c> Checker<'c> {
                 // The pointer itself, or a pointer to what is assigned.
                 *ty == *value.ty
             }
-            (a, b) => a.is_composed() && crate::calls::same(a, b),
+            (a, b) => a.is_composed() && same_layout(a, b),
         };
         if composed && !matches!(value.kind, Kind::Flexible(_)) {
             return Some(value);

@@ -2,7 +2,7 @@
 
 use ob1_ir::{AccuOp, Compare, Jump, NumberFormat, Op, Operand, Place};
 use ob1_model::{DataType, Layout};
-use ob1_stl::front::{Span, with_article};
+use ob1_stl::front::{Span, same_layout, with_article};
 
 use crate::check::Checker;
 use crate::code::Code;
@@ -57,7 +57,7 @@ impl<'c> Checker<'c> {
         let count = self.whole_number(count);
         let (from, count, to) = (from?, count?, target?);
         if let Taken::Elements(Elements { ty, .. }) = &from
-            && !crate::calls::same(ty, to.ty)
+            && !same_layout(ty, to.ty)
         {
             let message = format!(
                 "{function} moves elements of one type: IN has {}, OUT {}",

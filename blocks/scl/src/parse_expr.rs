@@ -1,5 +1,6 @@
 //! Expressions by precedence, and references with their steps.
 
+use ob1_ir::{AccuOp, Compare, Logic};
 use ob1_stl::front::{Kind, Token};
 
 use crate::codes;
@@ -22,13 +23,23 @@ pub(crate) fn is_reserved(word: &str) -> bool {
 
 /// The operators of each level, the weakest first.
 const LEVELS: [&[(&str, Operator)]; 7] = [
-    &[("OR", Operator::Or)],
-    &[("XOR", Operator::Xor)],
-    &[("AND", Operator::And), ("&", Operator::And)],
-    &[("=", Operator::Equal), ("<>", Operator::NotEqual)],
-    &[("<=", Operator::LessEqual), (">=", Operator::GreaterEqual), ("<", Operator::Less), (">", Operator::Greater)],
-    &[("+", Operator::Add), ("-", Operator::Subtract)],
-    &[("*", Operator::Multiply), ("/", Operator::Divide), ("DIV", Operator::Div), ("MOD", Operator::Mod)],
+    &[("OR", Operator::Logic(Logic::Or))],
+    &[("XOR", Operator::Logic(Logic::Xor))],
+    &[("AND", Operator::Logic(Logic::And)), ("&", Operator::Logic(Logic::And))],
+    &[("=", Operator::Compare(Compare::Equal)), ("<>", Operator::Compare(Compare::NotEqual))],
+    &[
+        ("<=", Operator::Compare(Compare::LessEqual)),
+        (">=", Operator::Compare(Compare::GreaterEqual)),
+        ("<", Operator::Compare(Compare::Less)),
+        (">", Operator::Compare(Compare::Greater)),
+    ],
+    &[("+", Operator::Arithmetic(AccuOp::Add)), ("-", Operator::Arithmetic(AccuOp::Sub))],
+    &[
+        ("*", Operator::Arithmetic(AccuOp::Mul)),
+        ("/", Operator::Arithmetic(AccuOp::Div)),
+        ("DIV", Operator::Div),
+        ("MOD", Operator::Arithmetic(AccuOp::Mod)),
+    ],
 ];
 
 impl Cursor<'_, '_> {

@@ -1,5 +1,6 @@
 //! Statements. After a mistake the parser goes on at the next statement, so that each mistake is one finding.
 
+use ob1_ir::AccuOp;
 use ob1_stl::front::{Kind, Span, Token};
 
 use crate::codes;
@@ -147,11 +148,11 @@ impl Cursor<'_, '_> {
     /// `x += e`.
     fn assign_with(&mut self, target: Ref) -> Option<StmtKind> {
         let sign = self.peek()?;
-        let operator = match self.text(sign) {
-            "+=" => Operator::Add,
-            "-=" => Operator::Subtract,
-            "*=" => Operator::Multiply,
-            "/=" => Operator::Divide,
+        let op = match self.text(sign) {
+            "+=" => AccuOp::Add,
+            "-=" => AccuOp::Sub,
+            "*=" => AccuOp::Mul,
+            "/=" => AccuOp::Div,
             _ => {
                 self.report(sign.span, &codes::NOT_SUPPORTED, "?= needs VARIANT, which this CPU does not have");
                 self.skip_statement();
@@ -169,7 +170,7 @@ impl Cursor<'_, '_> {
         self.semicolon();
         let (left, span) = (again.span, again.span.to(value.span));
         let left = Expr { kind: ExprKind::Ref(again), span: left };
-        let value = Expr { kind: ExprKind::Binary(operator, Box::new(left), Box::new(value)), span };
+        let value = Expr { kind: ExprKind::Binary(Operator::Arithmetic(op), Box::new(left), Box::new(value)), span };
         Some(StmtKind::Assign(target, value))
     }
 

@@ -1,6 +1,7 @@
 //! Statements and expressions as written.
 
-use ob1_model::named;
+use ob1_ir::{AccuOp, Compare, Logic};
+
 use ob1_stl::front::{Span, Token};
 
 /// A statement with its place.
@@ -68,25 +69,28 @@ pub(crate) enum ExprKind {
     Bad,
 }
 
-named! {
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub(crate) enum Operator {
-        Or = "OR",
-        Xor = "XOR",
-        And = "AND",
-        Equal = "=",
-        NotEqual = "<>",
-        Less = "<",
-        Greater = ">",
-        LessEqual = "<=",
-        GreaterEqual = ">=",
-        Add = "+",
-        Subtract = "-",
-        Multiply = "*",
-        Divide = "/",
-        Div = "DIV",
-        Mod = "MOD",
-        Power = "**",
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Operator {
+    Logic(Logic),
+    Compare(Compare),
+    Arithmetic(AccuOp),
+    /// A division of whole numbers.
+    Div,
+    Power,
+}
+
+impl Operator {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Logic(Logic::And) => "AND",
+            Self::Logic(Logic::Or) => "OR",
+            Self::Logic(Logic::Xor) => "XOR",
+            Self::Compare(Compare::Equal) => "=",
+            Self::Compare(relation) => relation.name(),
+            Self::Arithmetic(op) => op.name(),
+            Self::Div => "DIV",
+            Self::Power => "**",
+        }
     }
 }
 

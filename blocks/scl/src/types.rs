@@ -2,6 +2,7 @@
 
 use ob1_ir::NumberFormat;
 use ob1_model::DataType;
+use ob1_stl::front::simple_types;
 
 pub(crate) static BOOL: DataType = DataType::Bool;
 pub(crate) static BYTE: DataType = DataType::Byte;
@@ -23,33 +24,13 @@ pub(crate) static BLOCK_DB: DataType = DataType::BlockDb;
 pub(crate) static TIMER: DataType = DataType::Timer;
 pub(crate) static COUNTER: DataType = DataType::Counter;
 
-/// The types that conversions name: `X_TO_Y`.
-static NAMED: [(&str, &DataType); 20] = [
-    ("BOOL", &BOOL),
-    ("BYTE", &BYTE),
-    ("CHAR", &CHAR),
-    ("WORD", &WORD),
-    ("INT", &INT),
-    ("DWORD", &DWORD),
-    ("DINT", &DINT),
-    ("REAL", &REAL),
-    ("S5TIME", &S5TIME),
-    ("TIME", &TIME),
-    ("DATE", &DATE),
-    ("TOD", &TOD),
-    ("TIME_OF_DAY", &TOD),
-    ("DT", &DT),
-    ("DATE_AND_TIME", &DT),
-    ("STRING", &STRING),
-    ("BLOCK_DB", &BLOCK_DB),
-    ("USINT", &BYTE),
-    ("UINT", &WORD),
-    ("UDINT", &DWORD),
-];
-
-/// The type with this name.
+/// The type with this name that conversions may have: `X_TO_Y`.
 pub(crate) fn named(word: &str) -> Option<&'static DataType> {
-    NAMED.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|(_, ty)| *ty)
+    let of_tia = [("STRING", &STRING), ("USINT", &BYTE), ("UINT", &WORD), ("UDINT", &DWORD)];
+    let value =
+        |ty: &DataType| ty.elementary_bits().is_some() || matches!(ty, DataType::DateAndTime | DataType::BlockDb);
+    let mut all = simple_types().filter(|(_, ty)| value(ty)).chain(of_tia);
+    all.find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|(_, ty)| ty)
 }
 
 pub(crate) const fn is_bits(ty: &DataType) -> bool {

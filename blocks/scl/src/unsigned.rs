@@ -1,7 +1,7 @@
 //! Unsigned whole numbers of TIA Portal. USINT, UINT and UDINT are declared as bit strings of their size; in a block of
 //! TIA Portal bit strings are calculated with and compared as numbers without sign.
 
-use ob1_ir::{Compare, Op, WordLogic};
+use ob1_ir::{AccuOp, Compare, Op, WordLogic};
 use ob1_model::DataType;
 use ob1_stl::front::{Constant, Span};
 
@@ -40,8 +40,8 @@ impl<'c> Checker<'c> {
         };
         let back = (!signed(&left) && !signed(&right)).then(|| widest(&left, &right)).flatten();
         let division = match operator {
-            Operator::Divide | Operator::Div => Some(Unsigned::Divide),
-            Operator::Mod => Some(Unsigned::Mod),
+            Operator::Arithmetic(AccuOp::Div) | Operator::Div => Some(Unsigned::Divide),
+            Operator::Arithmetic(AccuOp::Mod) => Some(Unsigned::Mod),
             _ => None,
         };
         if let (Some(division), Some(DataType::DWord)) = (division, back) {
@@ -61,7 +61,6 @@ impl<'c> Checker<'c> {
     pub(crate) fn compare_unsigned(
         &mut self,
         relation: Compare,
-        operator: Operator,
         left: Typed<'c>,
         right: Typed<'c>,
         span: Span,
@@ -72,8 +71,9 @@ impl<'c> Checker<'c> {
             let kind = Kind::Compare(relation, Box::new(left), Box::new(right));
             return Some(Typed::new(kind, &crate::types::BOOL, span));
         }
+        let operator = Operator::Compare(relation);
         let (left, right) = self.numbers(left, right, operator)?;
-        Some(self.binary(operator, left, right, span)).filter(|v| !v.is_bad())
+        self.binary(operator, left, right, span).good()
     }
 
     /// An unsigned number, or a constant, as a UDINT.
@@ -100,7 +100,7 @@ impl<'c> Checker<'c> {
         if *ty == DataType::DWord && beside_real {
             return Some(as_real(value));
         }
-        let whole = matches!(operator, Operator::Add | Operator::Subtract | Operator::Multiply);
+        let whole = matches!(operator, Operator::Arithmetic(AccuOp::Add | AccuOp::Sub | AccuOp::Mul));
         if *ty == DataType::DWord && !whole {
             let message = "UDINT and DWORD are not divided by signed numbers, and not compared with them";
             self.report_with(value.span, &codes::NOT_SUPPORTED, message, "Convert it: UDINT_TO_DINT(...).".to_owned());

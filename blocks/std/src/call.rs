@@ -14,6 +14,9 @@ pub(crate) struct Call<'a> {
     pub(crate) interface: &'a Interface,
 }
 
+/// What a block ends with in RET_VAL or ERR_CODE: 0 or a status, or an error, with BR 0.
+pub(crate) type Code = Result<u16, u16>;
+
 /// A REAL that is not a number.
 pub(crate) fn is_invalid(real: f32) -> bool {
     !real.is_finite()
@@ -104,13 +107,6 @@ impl Call<'_> {
 
     pub(crate) fn set_real(&mut self, p: impl Params, value: f32) {
         self.set(p, value.to_bits());
-    }
-
-    /// Sets an error or status code, and BR: 0 for a code with the highest bit.
-    pub(crate) fn end(&mut self, ret_val: impl Params, code: u16) -> Done {
-        self.set(ret_val, u32::from(code));
-        self.cx.set_br(code & 0x8000 == 0);
-        Ok(())
     }
 
     /// Ends the call with this BR.

@@ -3,10 +3,7 @@
 use ob1_model::Area;
 use ob1_time::{Instant, Span};
 
-use crate::services::{
-    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, Services,
-    StartInfo, SystemStatus, WallClock,
-};
+use crate::services::Services;
 
 /// Why the CPU refused a request; the block decides what that means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,59 +161,5 @@ pub trait Context {
             Some(area) => self.area_write(area, at, from),
             None => self.io_write(at, from),
         }
-    }
-
-    /// The time of day.
-    fn wall_clock(&mut self) -> &mut dyn WallClock {
-        self.services()
-    }
-    /// The run-time meters of the CPU.
-    fn meters(&mut self) -> &mut dyn Meters {
-        self.services()
-    }
-    /// Time-of-day and time-delay interrupts.
-    fn schedule(&mut self) -> &mut dyn Schedule {
-        self.services()
-    }
-    /// The filter of synchronous errors of the running priority class.
-    fn error_filter(&mut self) -> &mut ErrorFilter {
-        self.services().error_filter()
-    }
-    /// Gives `value` to accumulator 1 of the block whose access error is being handled; false outside OB 121 and
-    /// OB 122.
-    fn replace_value(&mut self, value: u32) -> bool {
-        self.services().replace_value(value)
-    }
-    /// Which interrupts are locked.
-    fn interrupt_locks(&mut self) -> &mut InterruptLocks {
-        self.services().interrupt_locks()
-    }
-    /// Creating, deleting and testing data blocks.
-    fn data_blocks(&mut self) -> &mut dyn DataBlocks {
-        self.services()
-    }
-    /// Updating the process images.
-    fn images(&mut self) -> &mut dyn Images {
-        self.services()
-    }
-    /// System status lists and run times.
-    fn system_status(&mut self) -> &mut dyn SystemStatus {
-        self.services()
-    }
-    /// The diagnostic buffer and alarm messages.
-    fn messages(&mut self) -> &mut dyn Messages {
-        self.services()
-    }
-    /// Where the modules are plugged.
-    fn rack(&mut self) -> &mut dyn Rack {
-        self.services()
-    }
-    /// Start information of organization blocks.
-    fn start_info(&mut self) -> &mut dyn StartInfo {
-        self.services()
-    }
-    /// The alarm that is being handled.
-    fn alarm_source(&mut self) -> &mut dyn AlarmSource {
-        self.services()
     }
 }

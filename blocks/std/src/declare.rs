@@ -22,6 +22,18 @@ pub(crate) trait Params: Copy {
     fn index(self) -> u32;
 }
 
+/// A parameter by its index: of several that lie one after the other, or of blocks that have it in different places.
+#[derive(Clone, Copy)]
+pub(crate) struct At(pub(crate) u32);
+
+impl Params for At {
+    const DECLARED: &'static [Declared] = &[];
+
+    fn index(self) -> u32 {
+        self.0
+    }
+}
+
 /// The interface of declared parameters, laid out where there is an instance.
 pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface {
     let param = |d: &Declared| {

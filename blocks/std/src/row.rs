@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use ob1_model::{BitAddr, BlockId, BlockKind, Interface, named};
+use ob1_model::{BitAddr, BlockId, BlockKind, Interface, Section, named};
 
-use crate::call::Call;
-use crate::declare::{self, Declared, Params};
+use crate::call::{Call, Code};
+use crate::declare::{self, At, Declared, Params};
 use crate::{Context, Done};
 
 named! {
@@ -57,6 +57,20 @@ impl Origin {
     }
 }
 
+/// What the function of a block does.
+#[derive(Clone, Copy)]
+enum Run {
+    /// All of it.
+    Whole(fn(&mut Call<'_>) -> Done),
+    /// All but RET_VAL (of some function blocks ERR_CODE) and BR, which its code gives.
+    Coded(fn(&mut Call<'_>) -> Code),
+    /// The same, for a block that is asked by REQ and answers in the same call, so that BUSY stays 0.
+    Asked(fn(&mut Call<'_>) -> Code),
+}
+
+/// REQ is 0 and no job is under way.
+const NO_JOB: u16 = 0x7000;
+
 /// A row of the table, made at compile time.
 #[derive(Clone, Copy)]
 pub(crate) struct Row {
@@ -67,7 +81,7 @@ pub(crate) struct Row {
     declared: &'static [Declared],
     /// The addresses of an instance by byte and bit, and its length, where they do not follow from the declaration.
     places: Option<(&'static [(u32, u8)], u32)>,
-    run: fn(&mut Call<'_>) -> Done,
+    run: Run,
 }
 
 impl Row {
@@ -79,11 +93,42 @@ impl Row {
         run: fn(&mut Call<'_>) -> Done,
     ) -> Self {
         let id = BlockId::new(kind, number);
-        Self { origin, id, name, note: "", declared: P::DECLARED, places: None, run }
+        Self { origin, id, name, note: "", declared: P::DECLARED, places: None, run: Run::Whole(run) }
     }
 
+    /// A system function without RET_VAL, or whose RET_VAL is no code.
     pub(crate) const fn sfc<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
         Self::new::<P>(Origin::System, BlockKind::Sfc, number, name, run)
+    }
+
+    /// A block that ends with RET_VAL or ERR_CODE.
+    pub(crate) const fn with_code<P: Params>(
+        origin: Origin,
+        kind: BlockKind,
+        number: u16,
+        name: &'static str,
+        run: fn(&mut Call<'_>) -> Code,
+    ) -> Self {
+        Self { run: Run::Coded(run), ..Self::new::<P>(origin, kind, number, name, |_| Ok(())) }
+    }
+
+    /// The same of the TI library.
+    pub(crate) const fn ti<P: Params>(
+        kind: BlockKind,
+        number: u16,
+        name: &'static str,
+        run: fn(&mut Call<'_>) -> Code,
+    ) -> Self {
+        Self::with_code::<P>(Origin::TiS7, kind, number, name, run)
+    }
+
+    pub(crate) const fn coded<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
+        Self::with_code::<P>(Origin::System, BlockKind::Sfc, number, name, run)
+    }
+
+    /// REQ is the first parameter.
+    pub(crate) const fn asked<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
+        Self { run: Run::Asked(run), ..Self::coded::<P>(number, name, run) }
     }
 
     pub(crate) const fn sfb<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
@@ -112,7 +157,9 @@ pub struct StandardBlock {
     pub note: &'static str,
     /// Parameters with STEP 7's names and types, laid out.
     pub interface: Interface,
-    run: fn(&mut Call<'_>) -> Done,
+    run: Run,
+    ret_val: At,
+    busy: At,
 }
 
 impl StandardBlock {
@@ -123,7 +170,9 @@ impl StandardBlock {
             let addresses: Vec<_> = places.iter().map(|(byte, bit)| BitAddr::new(*byte, *bit)).collect();
             interface.place_at(&addresses, bytes);
         }
-        Self { origin, id, name, note, interface, run }
+        let at = |found: fn(&Declared) -> bool| At(declared.iter().position(found).unwrap_or_default() as u32);
+        let (ret_val, busy) = (at(|d| d.section == Section::Return || d.name == "ERR_CODE"), at(|d| d.name == "BUSY"));
+        Self { origin, id, name, note, interface, run, ret_val, busy }
     }
 
     /// Runs the block: a pure function of parameters, instance, time and what the context answers.
@@ -131,7 +180,19 @@ impl StandardBlock {
     /// # Errors
     /// The CPU goes to STOP.
     pub fn run(&self, cx: &mut dyn Context) -> Done {
-        (self.run)(&mut Call { cx, interface: &self.interface })
+        let call = &mut Call { cx, interface: &self.interface };
+        let code = match self.run {
+            Run::Whole(run) => return run(call),
+            Run::Coded(run) => run(call),
+            Run::Asked(run) => {
+                let code = if call.bool(At(0)) { run(call) } else { Ok(NO_JOB) };
+                call.set_bool(self.busy, false);
+                code
+            }
+        };
+        let (Ok(value) | Err(value)) = code;
+        call.set(self.ret_val, u32::from(value));
+        call.br(code.is_ok())
     }
 
     /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.

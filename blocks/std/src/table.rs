@@ -3,7 +3,7 @@
 use crate::row::{Origin, Row, StandardBlock};
 use crate::{handling, iec, pid, sfb, sfc, ti_s7};
 
-fn rows() -> impl Iterator<Item = &'static Row> {
+pub(crate) fn rows() -> impl Iterator<Item = &'static Row> {
     [sfc::ROWS, sfb::ROWS, iec::ROWS, ti_s7::ROWS, pid::ROWS, handling::ROWS].into_iter().flatten().copied().flatten()
 }
 

@@ -133,7 +133,7 @@ fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Opt
 }
 
 /// True for types that mean the same bytes: names and start values do not count, the length of a STRING neither.
-pub(crate) fn same_layout(a: &DataType, b: &DataType) -> bool {
+pub fn same_layout(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
         (DataType::Struct(a), DataType::Struct(b)) => {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same_layout(&a.ty, &b.ty))

@@ -17,41 +17,26 @@ pub(crate) const TYPE_DEPTH: u32 = 16;
 /// Dimensions of an array.
 const DIMENSIONS: usize = 6;
 
-/// Types that are one word.
-const SIMPLE: [(&str, DataType); 23] = [
-    ("BOOL", DataType::Bool),
-    ("BYTE", DataType::Byte),
-    ("CHAR", DataType::Char),
-    ("WORD", DataType::Word),
-    ("INT", DataType::Int),
-    ("DWORD", DataType::DWord),
-    ("DINT", DataType::DInt),
-    ("REAL", DataType::Real),
-    ("S5TIME", DataType::S5Time),
-    ("TIME", DataType::Time),
-    ("DATE", DataType::Date),
-    ("TIME_OF_DAY", DataType::TimeOfDay),
-    ("TOD", DataType::TimeOfDay),
-    ("DATE_AND_TIME", DataType::DateAndTime),
-    ("DT", DataType::DateAndTime),
-    ("POINTER", DataType::Pointer),
-    ("ANY", DataType::Any),
-    ("BLOCK_DB", DataType::BlockDb),
-    ("BLOCK_FB", DataType::BlockFb),
-    ("BLOCK_FC", DataType::BlockFc),
-    ("BLOCK_SDB", DataType::BlockSdb),
-    ("TIMER", DataType::Timer),
-    ("COUNTER", DataType::Counter),
-];
+/// The types that are one word, by all their words.
+pub fn simple_types() -> impl Iterator<Item = (&'static str, &'static DataType)> {
+    DataType::WORDS.iter().flat_map(|ty| {
+        let short = match ty {
+            DataType::TimeOfDay => Some("TOD"),
+            DataType::DateAndTime => Some("DT"),
+            _ => None,
+        };
+        [ty.name()].into_iter().chain(short).map(move |name| (name, ty))
+    })
+}
 
 /// The words that are types.
 pub(crate) fn type_words() -> impl Iterator<Item = &'static str> {
-    SIMPLE.iter().map(|(name, _)| *name).chain(["STRING", "ARRAY", "STRUCT", "UDT", "FB"])
+    simple_types().map(|(name, _)| name).chain(["STRING", "ARRAY", "STRUCT", "UDT", "FB"])
 }
 
 /// The type of one word, whatever its case.
 pub(crate) fn simple_type(word: &str) -> Option<DataType> {
-    SIMPLE.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|(_, ty)| ty.clone())
+    simple_types().find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|(_, ty)| ty.clone())
 }
 
 impl Parser<'_, '_> {
@@ -231,7 +216,7 @@ impl Parser<'_, '_> {
     }
 
     fn simple_or_named(&mut self, word: &str, span: Span) -> TypeKind {
-        if let Some((_, ty)) = SIMPLE.iter().find(|(name, _)| *name == word) {
+        if let Some((_, ty)) = simple_types().find(|(name, _)| *name == word) {
             self.bump();
             return TypeKind::Simple(ty.clone());
         }

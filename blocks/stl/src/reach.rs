@@ -93,6 +93,13 @@ impl Lowerer<'_, '_> {
         Some(Reached::Arg(hidden_operand(Width::Byte, start, 0)))
     }
 
+    fn of_other_type(&mut self, formal: &Param, ty: &DataType, span: Span) -> Option<Arg> {
+        let message =
+            format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
+        self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+        None
+    }
+
     /// An element whose index is known at run time only, for a formal that takes its value: by way of the local data.
     fn indexed(
         &mut self,
@@ -110,10 +117,7 @@ impl Lowerer<'_, '_> {
             return None;
         }
         if Width::of(&formal.ty) != Some(operand.width) {
-            let message =
-                format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
-            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
-            return None;
+            return self.of_other_type(formal, ty, span);
         }
         let hidden_at = self.hidden.take(operand.width.bytes());
         let here = compose::local(operand.width, hidden_at);
@@ -157,10 +161,7 @@ impl Lowerer<'_, '_> {
             return Some(Arg::Operand(operand));
         }
         if ty.is_composed() || Width::of(&formal.ty) != Some(operand.width) {
-            let message =
-                format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
-            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
-            return None;
+            return self.of_other_type(formal, ty, span);
         }
         let written = matches!(formal.section, Section::Output | Section::InOut | Section::Return);
         if written && operand.width == Width::Bit {

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use ob1_ir::{Symbol, Width};
+use ob1_model::named;
 
 use crate::codes;
 use crate::codes::Severity;
@@ -20,30 +21,26 @@ use crate::symbols;
 use crate::words::Words;
 use crate::world::Symbolic;
 
-/// The form of a symbol table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TableForm {
-    /// Four texts in quotes: `"name","M 1.0","BOOL","comment"`.
-    Sdf,
-    /// `126,name  M  1.0  BOOL  comment` in columns of 24, 12, 10 and 80 characters.
-    Asc,
-    /// Tab, address, tab, name, tab, comment; no types.
-    Seq,
-    /// Data interchange format: header, then tuples of four texts.
-    Dif,
+named! {
+    /// The form of a symbol table, named by its extension.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum TableForm {
+        /// Four texts in quotes: `"name","M 1.0","BOOL","comment"`.
+        Sdf = "SDF",
+        /// `126,name  M  1.0  BOOL  comment` in columns of 24, 12, 10 and 80 characters.
+        Asc = "ASC",
+        /// Tab, address, tab, name, tab, comment; no types.
+        Seq = "SEQ",
+        /// Data interchange format: header, then tuples of four texts.
+        Dif = "DIF",
+    }
 }
 
 impl TableForm {
     /// The form a file name's extension says.
     pub fn of_name(name: &str) -> Option<Self> {
         let (_, extension) = name.rsplit_once('.')?;
-        Some(match extension.to_ascii_uppercase().as_str() {
-            "SDF" => TableForm::Sdf,
-            "ASC" => TableForm::Asc,
-            "SEQ" => TableForm::Seq,
-            "DIF" => TableForm::Dif,
-            _ => return None,
-        })
+        Self::ALL.into_iter().find(|form| form.name().eq_ignore_ascii_case(extension))
     }
 
     /// The form the first line that is not empty looks like.
@@ -57,16 +54,6 @@ impl TableForm {
             () if first.contains('\t') => TableForm::Seq,
             () => return None,
         })
-    }
-
-    /// The extension, in capitals.
-    pub const fn name(self) -> &'static str {
-        match self {
-            TableForm::Sdf => "SDF",
-            TableForm::Asc => "ASC",
-            TableForm::Seq => "SEQ",
-            TableForm::Dif => "DIF",
-        }
     }
 }
 

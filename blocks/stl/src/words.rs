@@ -160,7 +160,7 @@ mod tests {
     fn every_word_of_a_set_is_there_once() {
         for set in [Mnemonics::German, Mnemonics::International] {
             let words = Words::new(set);
-            for row in ROWS {
+            for row in ROWS.iter() {
                 let found = words.mnemonic(&row.word(set).to_lowercase());
                 assert!(found.is_some_and(|found| std::ptr::eq(found, row)), "{}", row.word(set));
             }

@@ -10,13 +10,18 @@ const fn place(order: Order, n: usize, count: usize) -> (usize, bool) {
     (swapped, matches!(order, Order::Little | Order::Reversed))
 }
 
+/// The elements `first..` that belong to a range: where each lies in the telegram, and where in the range.
+fn shared(range: &Range, first: u16, count: u16) -> impl Iterator<Item = (usize, usize)> {
+    let from = u32::from(range.first.max(first));
+    let until = range.end().min(u32::from(first) + u32::from(count));
+    let begin = u32::from(range.first);
+    (from..until).map(move |element| ((element - u32::from(first)) as usize, (element - begin) as usize))
+}
+
 /// Copies the read elements `first..` that belong to a range into the image.
 pub(crate) fn unpack(range: &Range, first: u16, count: u16, data: &[u8], image: &mut [u8]) {
     let Some(image) = image.get_mut(range.at..range.at + range.bytes()) else { return };
-    let from = u32::from(range.first.max(first));
-    let until = range.end().min(u32::from(first) + u32::from(count));
-    for element in from..until {
-        let (source, target) = ((element - u32::from(first)) as usize, (element - u32::from(range.first)) as usize);
+    for (source, target) in shared(range, first, count) {
         if range.table.has_bits() {
             let on = data.get(source / 8).is_some_and(|byte| byte >> (source % 8) & 1 == 1);
             set_bit(image, target, on);
@@ -31,10 +36,7 @@ pub(crate) fn unpack(range: &Range, first: u16, count: u16, data: &[u8], image: 
 /// Copies the elements `first..` that belong to a range from the image into the telegram's data.
 pub(crate) fn pack(range: &Range, first: u16, count: u16, image: &[u8], data: &mut [u8]) {
     let Some(image) = image.get(range.at..range.at + range.bytes()) else { return };
-    let from = u32::from(range.first.max(first));
-    let until = range.end().min(u32::from(first) + u32::from(count));
-    for element in from..until {
-        let (target, source) = ((element - u32::from(first)) as usize, (element - u32::from(range.first)) as usize);
+    for (target, source) in shared(range, first, count) {
         if range.table.has_bits() {
             let on = image[source / 8] >> (source % 8) & 1 == 1;
             set_bit(data, target, on);

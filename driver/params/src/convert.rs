@@ -1,10 +1,11 @@
 //! Conversion between the typed parameters and the rows of the table, in both directions.
 
 use crate::cp240::{Ascii, Cp240, Interface, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
-use crate::cp240_table::{CP240, Field, Layout};
 use crate::error::ParamError;
+use crate::keyed::{Reader, line_of};
 use crate::parameter_bytes::{self, Record, Value};
-use ob1_serial::{Flow, Parity, StopBits};
+use crate::cp240_table::{CP240, Field, Layout};
+use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
 impl Cp240 {
     /// The defaults of a protocol as printed in its table; `protocol` is a name of
@@ -18,7 +19,7 @@ impl Cp240 {
     /// [`ByteTables::reserved`]: crate::cp240_table::ByteTables::reserved
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = CP240.check(bytes)?;
-        Reader { bytes, layout, fields: layout.fields() }.read(name)
+        typed(bytes, name, layout, layout.fields())
     }
 
     /// Writes the 16 bytes.
@@ -34,7 +35,7 @@ impl Cp240 {
     /// range.
     pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let (name, layout, bytes) = CP240.of_keys(keys)?;
-        Reader { bytes: &bytes, layout, fields: layout.fields() }.read(name)
+        typed(&bytes, name, layout, layout.fields())
     }
 
     /// All parameters as named keys, `protocol` and `baud` first: the other form of the bytes.
@@ -124,101 +125,51 @@ impl Cp240 {
     }
 }
 
-/// The typed form of a record whose fields are known to be valid.
-pub(crate) struct Reader<'a> {
-    pub(crate) bytes: &'a Record,
-    pub(crate) layout: Layout,
-    /// The rows: those of the layout, or of another module with the same parameters in other places.
-    pub(crate) fields: &'static [Field],
-}
-
-impl Reader<'_> {
-    fn value(&self, key: &str) -> Result<Value, ParamError> {
-        let field: Option<&Field> = self.fields.iter().find(|f| f.key == key);
-        // A key that the layout does not have can only be a mistake in this file; the round-trip test checks all of
-        // them.
-        field.map_or(Ok(Value::Int(0)), |field| parameter_bytes::value(self.bytes, field))
-    }
-
-    fn int(&self, key: &str) -> Result<u32, ParamError> {
-        match self.value(key)? {
-            Value::Int(number) => Ok(u32::try_from(number).unwrap_or(0)),
-            Value::Str(_) => Ok(0),
-        }
-    }
-
-    fn byte(&self, key: &str) -> Result<u8, ParamError> {
-        Ok(self.int(key)? as u8)
-    }
-
-    fn word(&self, key: &str) -> Result<u16, ParamError> {
-        Ok(self.int(key)? as u16)
-    }
-
-    fn is(&self, key: &str, name: &str) -> Result<bool, ParamError> {
-        Ok(self.value(key)? == Value::from(name))
-    }
-
-    fn flow(&self) -> Result<Flow, ParamError> {
-        Ok(match self.value("flow")? {
-            Value::Str(name) if name == "hardware" => Flow::Hardware,
-            Value::Str(name) if name == "xon-xoff" => Flow::XonXoff,
-            _ => Flow::None,
-        })
-    }
-
-    /// Assembles the typed parameters.
-    pub(crate) fn read(&self, name: &str) -> Result<Cp240, ParamError> {
-        let protocol = match self.layout {
-            Layout::Ascii => Protocol::Ascii(Ascii {
-                fragmented: name == "ascii-fragmented",
-                flow: self.flow()?,
-                zna_ms: self.word("zna_ms")?,
-                zvz_ms: self.word("zvz_ms")?,
-                receive_buffers: self.byte("receive_buffers")?,
-            }),
-            Layout::StxEtx => Protocol::StxEtx(StxEtx {
-                flow: self.flow()?,
-                zna_ms: self.word("zna_ms")?,
-                tmo_ms: self.word("tmo_ms")?,
-                start_flags: self.byte("start_flags")?,
-                start: [self.byte("start_flag_1")?, self.byte("start_flag_2")?],
-                end_flags: self.byte("end_flags")?,
-                end: [self.byte("end_flag_1")?, self.byte("end_flag_2")?],
-            }),
-            Layout::S3964 => Protocol::S3964(S3964 {
-                bcc: name.starts_with("3964r"),
-                rk512: name.ends_with("rk512"),
-                zna_ms: self.word("zna_ms")?,
-                zvz_ms: self.word("zvz_ms")?,
-                qvz_ms: self.word("qvz_ms")?,
-                bwz_ms: self.word("bwz_ms")?,
-                stx_repetitions: self.byte("stx_repetitions")?,
-                dbl: self.byte("dbl")?,
-                priority: if self.is("priority", "high")? { Priority::High } else { Priority::Low },
-            }),
-            Layout::ModbusMaster | Layout::ModbusSlave => Protocol::Modbus(Modbus {
-                kind: ModbusKind::NAMES.iter().find(|(_, n)| *n == name).map_or(ModbusKind::MasterRtu, |(k, _)| *k),
-                address: self.byte("address")?,
-                debug: self.is("debug", "on")?,
-                wait_ms: self.word("wait_ms")?,
-            }),
-            Layout::MBus => return Ok(Cp240::mbus()),
-            Layout::EnOcean => return Ok(Cp240::enocean()),
-        };
-        let parity = if self.is("parity", "even")? {
-            Parity::Even
-        } else if self.is("parity", "odd")? {
-            Parity::Odd
-        } else {
-            Parity::None
-        };
-        let stop_bits = match self.value("stop_bits")? {
-            Value::Int(2) => StopBits::Two,
-            Value::Int(_) => StopBits::One,
-            Value::Str(_) => StopBits::OneAndHalf,
-        };
-        let (baud, data_bits) = (self.int("baud")?, self.byte("data_bits")?);
-        Ok(Cp240 { baud, data_bits, parity, stop_bits, protocol, interface: Interface::Rs232 })
-    }
+/// The typed form of a record whose fields are known to be valid. `fields`: those of the layout, or of another module
+/// with the same parameters in other places.
+pub(crate) fn typed(record: &Record, name: &str, layout: Layout, fields: &[Field]) -> Result<Cp240, ParamError> {
+    let keys = fields.iter().map(|field| Ok((field.key, parameter_bytes::value(record, field)?)));
+    let keys = keys.collect::<Result<Vec<_>, ParamError>>()?;
+    let keys = Reader(&keys);
+    let LineSettings { baud, data_bits, parity, stop_bits, flow, .. } = line_of(&keys);
+    let byte = |key| keys.number(key) as u8;
+    let word = |key| keys.number(key) as u16;
+    let protocol = match layout {
+        Layout::Ascii => Protocol::Ascii(Ascii {
+            fragmented: name == "ascii-fragmented",
+            flow,
+            zna_ms: word("zna_ms"),
+            zvz_ms: word("zvz_ms"),
+            receive_buffers: byte("receive_buffers"),
+        }),
+        Layout::StxEtx => Protocol::StxEtx(StxEtx {
+            flow,
+            zna_ms: word("zna_ms"),
+            tmo_ms: word("tmo_ms"),
+            start_flags: byte("start_flags"),
+            start: [byte("start_flag_1"), byte("start_flag_2")],
+            end_flags: byte("end_flags"),
+            end: [byte("end_flag_1"), byte("end_flag_2")],
+        }),
+        Layout::S3964 => Protocol::S3964(S3964 {
+            bcc: name.starts_with("3964r"),
+            rk512: name.ends_with("rk512"),
+            zna_ms: word("zna_ms"),
+            zvz_ms: word("zvz_ms"),
+            qvz_ms: word("qvz_ms"),
+            bwz_ms: word("bwz_ms"),
+            stx_repetitions: byte("stx_repetitions"),
+            dbl: byte("dbl"),
+            priority: if keys.word("priority") == "high" { Priority::High } else { Priority::Low },
+        }),
+        Layout::ModbusMaster | Layout::ModbusSlave => Protocol::Modbus(Modbus {
+            kind: ModbusKind::NAMES.iter().find(|(_, n)| *n == name).map_or(ModbusKind::MasterRtu, |(k, _)| *k),
+            address: byte("address"),
+            debug: keys.word("debug") == "on",
+            wait_ms: word("wait_ms"),
+        }),
+        Layout::MBus => return Ok(Cp240::mbus()),
+        Layout::EnOcean => return Ok(Cp240::enocean()),
+    };
+    Ok(Cp240 { baud, data_bits, parity, stop_bits, protocol, interface: Interface::Rs232 })
 }

@@ -195,10 +195,14 @@ pub(crate) fn line_of(keys: &Reader<'_>) -> LineSettings {
             "odd" => Parity::Odd,
             _ => Parity::Even,
         },
-        stop_bits: if keys.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
+        stop_bits: match keys.value("stop_bits") {
+            Some(Value::Int(2)) => StopBits::Two,
+            Some(Value::Str(_)) => StopBits::OneAndHalf,
+            _ => StopBits::One,
+        },
         flow: match keys.word("flow") {
             "xon-xoff" => Flow::XonXoff,
-            "rts-cts" => Flow::Hardware,
+            "rts-cts" | "hardware" => Flow::Hardware,
             _ => Flow::None,
         },
         half_duplex: false,

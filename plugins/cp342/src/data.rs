@@ -6,6 +6,7 @@ use ob1_siemens::any::status::{SOURCE, TARGET};
 use ob1_words::cp342::{AREA_BYTES, HEAD_BYTES, RECEIVE, SEND, dp_status, mode, status};
 
 use crate::outcome::{AREA, Outcome, exchanging, of_memory, of_module};
+use ob1_siemens::outputs::Outputs;
 
 /// DPSTATUS of a CP that does not answer.
 const OFFLINE: u8 = mode::OFFLINE << dp_status::MODE_AT;
@@ -38,10 +39,7 @@ impl Block for Send {
 
     fn call(cx: &mut Cx<'_, ()>, _state: &()) -> Result<(), Abort> {
         let outcome = send(cx)?;
-        cx.set(snd::DONE, outcome.is_done())?;
-        cx.set(snd::ERROR, outcome.is_error())?;
-        cx.set(snd::STATUS, outcome.status())?;
-        cx.set_br(!outcome.is_error())
+        outcome.set(cx, Outputs { end: snd::DONE, error: snd::ERROR, status: snd::STATUS })
     }
 }
 
@@ -89,11 +87,8 @@ impl Block for Receive {
 
     fn call(cx: &mut Cx<'_, ()>, _state: &()) -> Result<(), Abort> {
         let (outcome, dp_status) = receive(cx)?;
-        cx.set(rcv::NDR, outcome.is_done())?;
-        cx.set(rcv::ERROR, outcome.is_error())?;
-        cx.set(rcv::STATUS, outcome.status())?;
         cx.set(rcv::DPSTATUS, dp_status)?;
-        cx.set_br(!outcome.is_error())
+        outcome.set(cx, Outputs { end: rcv::NDR, error: rcv::ERROR, status: rcv::STATUS })
     }
 }
 

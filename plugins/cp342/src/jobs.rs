@@ -6,6 +6,7 @@ use ob1_siemens::any::status::{SOURCE, TARGET};
 use ob1_words::cp342::{DIAGNOSIS_LEAST, FIELD_BYTES, JOB, JOB_CONTROL, JOB_DIAG, STATUS_BYTES, dtype, status};
 
 use crate::outcome::{Outcome, exchanging, of_memory, of_module};
+use ob1_siemens::outputs::Outputs;
 
 /// The answer to a job: its STATUS, and data bytes.
 type Answer = [u8; STATUS_BYTES + FIELD_BYTES];
@@ -64,11 +65,8 @@ impl Block for Diagnose {
 
     fn call(cx: &mut Cx<'_, ()>, _state: &()) -> Result<(), Abort> {
         let (outcome, len) = diagnose(cx)?;
-        cx.set(diag::NDR, outcome.is_done())?;
-        cx.set(diag::ERROR, outcome.is_error())?;
-        cx.set(diag::STATUS, outcome.status())?;
         cx.set(diag::DIAGLNG, len as u8)?;
-        cx.set_br(!outcome.is_error())
+        outcome.set(cx, Outputs { end: diag::NDR, error: diag::ERROR, status: diag::STATUS })
     }
 }
 
@@ -119,10 +117,7 @@ impl Block for Control {
 
     fn call(cx: &mut Cx<'_, ()>, _state: &()) -> Result<(), Abort> {
         let outcome = control(cx)?;
-        cx.set(ctrl::DONE, outcome.is_done())?;
-        cx.set(ctrl::ERROR, outcome.is_error())?;
-        cx.set(ctrl::STATUS, outcome.status())?;
-        cx.set_br(!outcome.is_error())
+        outcome.set(cx, Outputs { end: ctrl::DONE, error: ctrl::ERROR, status: ctrl::STATUS })
     }
 }
 

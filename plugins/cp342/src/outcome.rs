@@ -2,6 +2,7 @@
 
 use ob1_sdk::{Abort, Cx, Refused};
 use ob1_siemens::any::status as memory;
+use ob1_siemens::outputs::Outputs;
 use ob1_words::cp342::{HEAD_BYTES, RECEIVE, status};
 
 /// Data are not exchanged yet.
@@ -25,18 +26,12 @@ pub(crate) enum Outcome {
 }
 
 impl Outcome {
-    pub(crate) fn is_done(self) -> bool {
-        self == Self::Done
-    }
-
-    pub(crate) fn is_error(self) -> bool {
-        matches!(self, Self::Error(_))
-    }
-
-    pub(crate) fn status(self) -> u16 {
+    /// Sets the outputs of the block.
+    pub(crate) fn set(self, cx: &mut Cx<'_, ()>, outputs: Outputs) -> Result<(), Abort> {
         match self {
-            Self::Done => 0,
-            Self::Nothing(status) | Self::Error(status) => status,
+            Self::Done => outputs.set(cx, true, None, 0),
+            Self::Nothing(status) => outputs.set(cx, false, None, status),
+            Self::Error(status) => outputs.set(cx, false, Some(status), 0),
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::job::{End, Wanted, turn};
 use crate::state::CpState;
 use ob1_siemens::any::Span;
 use ob1_siemens::any::status::{NO_MODULE, SOURCE, TARGET, of_memory};
+use ob1_siemens::outputs::Outputs;
 
 /// STATUS: the job is running.
 const RUNNING: u16 = 0x8181;
@@ -103,10 +104,8 @@ impl<const NUMBER: u16> Block for Send<NUMBER> {
             End::Idle => wrong.filter(|_| act),
             end => status(end, SOURCE),
         };
-        cx.set(snd::DONE, matches!(end, End::Done(_)))?;
-        cx.set(snd::ERROR, status.is_some())?;
-        cx.set(snd::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
-        cx.set_br(status.is_none())
+        let outputs = Outputs { end: snd::DONE, error: snd::ERROR, status: snd::STATUS };
+        outputs.set(cx, matches!(end, End::Done(_)), status, if end == End::Running { RUNNING } else { 0 })
     }
 }
 
@@ -152,11 +151,9 @@ impl<const NUMBER: u16> Block for Receive<NUMBER> {
         let end = if span.is_some() { turn(cx, &mut wanted)? } else { End::Idle };
         let status = if span.is_none() { Some(PARAMETER) } else { status(end, TARGET) };
         let len = if let End::Done(len) = end { Some(len) } else { None };
-        cx.set(rcv::NDR, len.is_some())?;
-        cx.set(rcv::ERROR, status.is_some())?;
-        cx.set(rcv::STATUS, status.unwrap_or(if len.is_some() { 0 } else { NO_DATA }))?;
         cx.set(rcv::LEN, len.unwrap_or(0) as i16)?;
-        cx.set_br(status.is_none())
+        let outputs = Outputs { end: rcv::NDR, error: rcv::ERROR, status: rcv::STATUS };
+        outputs.set(cx, len.is_some(), status, if len.is_some() { 0 } else { NO_DATA })
     }
 }
 
@@ -196,10 +193,8 @@ impl<const NUMBER: u16> Block for Lock<NUMBER> {
         wanted.begins = act;
         let end = turn(cx, &mut wanted)?;
         let status = status(end, PARAMETER);
-        cx.set(lock::DONE, matches!(end, End::Done(_)))?;
-        cx.set(lock::ERROR, status.is_some())?;
-        cx.set(lock::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
-        cx.set_br(status.is_none())
+        let outputs = Outputs { end: lock::DONE, error: lock::ERROR, status: lock::STATUS };
+        outputs.set(cx, matches!(end, End::Done(_)), status, if end == End::Running { RUNNING } else { 0 })
     }
 }
 
@@ -247,11 +242,9 @@ impl Block for Control {
         let status = status(end, PARAMETER);
         let is_done = matches!(end, End::Done(_));
         let [a, b, c, d, e, f, g, h] = if is_done { wanted.small } else { [0; 8] };
-        cx.set(cntrl::DONE, is_done)?;
-        cx.set(cntrl::ERROR, status.is_some())?;
-        cx.set(cntrl::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
         cx.set(cntrl::RESULT1, u32::from_be_bytes([a, b, c, d]))?;
         cx.set(cntrl::RESULT2, u32::from_be_bytes([e, f, g, h]))?;
-        cx.set_br(status.is_none())
+        let outputs = Outputs { end: cntrl::DONE, error: cntrl::ERROR, status: cntrl::STATUS };
+        outputs.set(cx, is_done, status, if end == End::Running { RUNNING } else { 0 })
     }
 }

@@ -5,8 +5,8 @@
 
 use std::fmt::Write as _;
 
-use ob1_sdk::types::{Any, Bool, Byte, DWord, Word};
-use ob1_sdk::{Abort, Cx, Formal, In, InOut, Kind, Out, STATION, Static};
+use ob1_sdk::types::{Any, Bool, Byte, DWord};
+use ob1_sdk::{Abort, Cx, Formal, In, InOut, Kind, STATION, Static};
 use ob1_words::boxes::{Service, status};
 
 use ob1_siemens::any::Span;
@@ -14,6 +14,7 @@ use ob1_siemens::any::Span;
 use crate::area::{Spans, is_open, remote};
 use crate::job::{End, Wanted, cancel, turn};
 use crate::state::{CpState, Phase};
+use ob1_siemens::outputs::Outputs;
 
 /// The blocks of an S7-400: SFBs with four areas, and an instance that SFC 62 can evaluate.
 pub(crate) const FOUR: bool = true;
@@ -134,30 +135,6 @@ pub(crate) fn failure(end: End) -> Option<u16> {
     })
 }
 
-/// The outputs that all these blocks have.
-pub(crate) struct Outputs {
-    /// DONE of a block that sends, NDR of one that receives.
-    pub(crate) end: Formal<Bool, Out>,
-    pub(crate) error: Formal<Bool, Out>,
-    pub(crate) status: Formal<Word, Out>,
-}
-
-impl Outputs {
-    /// Sets the outputs of a call: done, an error, or a warning.
-    pub(crate) fn set(
-        &self,
-        cx: &mut Cx<'_, CpState>,
-        end: End,
-        failed: Option<u16>,
-        warning: u16,
-    ) -> Result<(), Abort> {
-        cx.set(self.end, failed.is_none() && matches!(end, End::Done(_)))?;
-        cx.set(self.error, failed.is_some())?;
-        cx.set(self.status, failed.unwrap_or(warning))?;
-        cx.set_br(failed.is_none())
-    }
-}
-
 /// What a block stores in its instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Memory {
@@ -196,7 +173,7 @@ impl Sender {
         let edge = req && cx.load(self.memory.req)? == 0;
         cx.store(self.memory.req, u8::from(req))?;
         let Some(laddr) = module_of(cx, id)? else {
-            self.outputs.set(cx, End::Idle, edge.then_some(status::CONNECTION), 0)?;
+            self.outputs.set(cx, false, edge.then_some(status::CONNECTION), 0)?;
             return Ok(End::Idle);
         };
         let mut wanted = Wanted::new(laddr, owner(cx)?, service, id);
@@ -214,7 +191,7 @@ impl Sender {
             End::Running => status::RUNNING,
             _ => 0,
         };
-        self.outputs.set(cx, end, failed, warning)?;
+        self.outputs.set(cx, matches!(end, End::Done(_)), failed, warning)?;
         Ok(end)
     }
 }
@@ -276,23 +253,23 @@ pub(crate) fn receive(
     outputs: &Outputs,
 ) -> Result<Option<u32>, Abort> {
     let Some(laddr) = module_of(cx, id)? else {
-        outputs.set(cx, End::Idle, enabled.then_some(status::CONNECTION), 0)?;
+        outputs.set(cx, false, enabled.then_some(status::CONNECTION), 0)?;
         return Ok(None);
     };
     let owner = owner(cx)?;
     if !enabled {
         cancel(cx, laddr, owner)?;
-        outputs.set(cx, End::Idle, None, 0)?;
+        outputs.set(cx, false, None, 0)?;
         return Ok(None);
     }
     let mut wanted = Wanted::new(laddr, owner, service, id);
     let fits = spans.filter(|spans| service != Service::Urcv || lengths(&mut wanted, spans).is_ok());
     let Some(spans) = fits else {
-        outputs.set(cx, End::Idle, Some(status::AREA), 0)?;
+        outputs.set(cx, false, Some(status::AREA), 0)?;
         return Ok(None);
     };
     (wanted.r_id, wanted.target, wanted.begins) = (r_id, spans, true);
     let end = turn(cx, &mut wanted)?;
-    outputs.set(cx, end, failure(end), 0)?;
+    outputs.set(cx, matches!(end, End::Done(_)), failure(end), 0)?;
     Ok(if let End::Done(len) = end { Some(len) } else { None })
 }

@@ -4,10 +4,11 @@ use ob1_sdk::{Abort, Cx};
 use ob1_words::boxes::{BSEND_MAX, BSEND_MAX_300, Service, status};
 
 use ob1_siemens::any::Span;
+use ob1_siemens::outputs::Outputs;
 
 use crate::area::Spans;
-use crate::job::{End, cancel};
-use crate::partner::{Outputs, Sender, both, lengths, module_of, owner, receive};
+use crate::job::cancel;
+use crate::partner::{Sender, both, lengths, module_of, owner, receive};
 use crate::state::CpState;
 
 both! {
@@ -117,7 +118,7 @@ impl<const FOUR: bool> Bsend<FOUR> {
                 }
                 None => false,
             };
-            return outputs.set(cx, End::Idle, had_job.then_some(status::RESET), 0);
+            return outputs.set(cx, false, had_job.then_some(status::RESET), 0);
         }
         let most = if FOUR { BSEND_MAX } else { BSEND_MAX_300 } as u32;
         Sender { req: bsend::REQ, memory: Self::MEMORY, outputs }.call(cx, Service::Bsend, at, |cx, wanted| {

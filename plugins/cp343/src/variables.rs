@@ -3,8 +3,9 @@
 use ob1_sdk::{Abort, Cx};
 use ob1_words::boxes::Service;
 
-use crate::partner::{Outputs, Pair, Sender, both, items};
+use crate::partner::{Pair, Sender, both, items};
 use crate::state::CpState;
+use ob1_siemens::outputs::Outputs;
 
 both! {
     /// FB 15, SFB 15: PUT.

@@ -3,4 +3,5 @@
 #![forbid(unsafe_code)]
 
 pub mod any;
+pub mod outputs;
 pub mod ptp;

@@ -448,7 +448,7 @@ impl Broker {
             Ask::Command(command) => {
                 client.may_operate()?;
                 self.check(command)?;
-                self.record(asker.link, asker.client, command.word(), "taken", now);
+                self.record(asker.link, asker.client, command.name(), "taken", now);
                 vec![CpuAsk::Command(command)]
             }
             Ask::Stage { id, bytes } => {

@@ -263,9 +263,6 @@ impl Meters for Machine {
 }
 
 impl Schedule for Machine {
-    fn moment(&mut self) -> Moment {
-        self.moment_now()
-    }
     fn time_of_day(&mut self, ob: u16) -> Option<&mut TimeOfDayInterrupt> {
         self.services.touched = true;
         self.services.time_of_day.get_mut(usize::from(ob.checked_sub(10)?))

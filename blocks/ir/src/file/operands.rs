@@ -9,15 +9,13 @@ use crate::text::{area_text, letter};
 use crate::{AddressRegister, Number, Operand, Place, Pointer, Width};
 
 pub(super) const WIDTHS: [Width; 4] = [Width::Bit, Width::Byte, Width::Word, Width::DWord];
-const AREAS: [Area; 8] =
-    [Area::Input, Area::Output, Area::Memory, Area::Db, Area::Di, Area::Local, Area::PreviousLocal, Area::Peripheral];
 const KINDS: [BlockKind; 6] =
     [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Sfb, BlockKind::Sfc, BlockKind::Db];
 const REGISTERS: [AddressRegister; 2] = [AddressRegister::Ar1, AddressRegister::Ar2];
 /// How an operand begins: an area with a width, or only that.
 static TYPED: LazyLock<Vec<(String, Option<Area>, Width)>> = LazyLock::new(|| {
     let of_width = |width| {
-        let areas = AREAS.map(|area| (area_text(area, width) + " ", Some(area), width));
+        let areas = Area::ALL.map(|area| (area_text(area, width) + " ", Some(area), width));
         areas.into_iter().chain([(letter(width).to_owned() + " ", None, width)])
     };
     WIDTHS.into_iter().flat_map(of_width).collect()
@@ -38,7 +36,7 @@ impl Cursor<'_> {
     }
 
     pub(super) fn area(&mut self) -> Expected<Area> {
-        self.choice(AREAS, Area::name, "an area")
+        self.choice(Area::ALL, Area::name, "an area")
     }
 
     pub(super) fn kind(&mut self) -> Expected<BlockKind> {
@@ -141,7 +139,7 @@ impl Cursor<'_> {
         if let Ok(at) = self.address() {
             return Ok(at.0);
         }
-        let area = self.choice(AREAS, |area| area_text(area, Width::Bit) + " ", "a pointer")?;
+        let area = self.choice(Area::ALL, |area| area_text(area, Width::Bit) + " ", "a pointer")?;
         Ok(u32::from(area.pointer_code()) << 24 | self.address()?.0)
     }
 }

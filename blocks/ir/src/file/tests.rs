@@ -5,7 +5,7 @@ use ob1_model::{
 };
 
 use super::operands::WIDTHS;
-use super::types::PLAIN;
+
 use super::{ops, parse, write};
 use crate::{
     AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, DataKind, DbRegister, Jump, Logic, Number,
@@ -166,7 +166,8 @@ impl Random {
                 };
                 DataType::Struct((0..self.below(4)).map(|_| field(self)).collect())
             }
-            _ => self.of(&PLAIN),
+            _ if self.below(20) == 0 => DataType::TimerOrWord,
+            _ => self.of(DataType::WORDS),
         }
     }
 

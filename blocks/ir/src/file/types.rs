@@ -4,32 +4,6 @@ use ob1_model::{DataType, Dimension, Field};
 
 use super::cursor::{Cursor, Expected};
 
-/// Types that are a word and no more.
-pub(super) const PLAIN: [DataType; 22] = [
-    DataType::Bool,
-    DataType::Byte,
-    DataType::Char,
-    DataType::Word,
-    DataType::Int,
-    DataType::DWord,
-    DataType::DInt,
-    DataType::Real,
-    DataType::S5Time,
-    DataType::Time,
-    DataType::Date,
-    DataType::TimeOfDay,
-    DataType::DateAndTime,
-    DataType::Pointer,
-    DataType::Any,
-    DataType::BlockDb,
-    DataType::BlockFb,
-    DataType::BlockFc,
-    DataType::BlockSdb,
-    DataType::Timer,
-    DataType::Counter,
-    DataType::TimerOrWord,
-];
-
 /// A type on one line; a structure with its fields in braces.
 pub(super) fn type_line(ty: &DataType) -> String {
     match ty {
@@ -86,7 +60,7 @@ impl Cursor<'_> {
             }
             return Ok(DataType::Struct(fields));
         }
-        self.choice(&PLAIN, DataType::name, "a type").cloned()
+        self.choice(DataType::WORDS.iter().chain([&DataType::TimerOrWord]), |ty| ty.name(), "a type").cloned()
     }
 
     pub(super) fn initial(&mut self) -> Expected<Option<Vec<u8>>> {

@@ -125,9 +125,7 @@ fn at(names: &Names<'_>, node: &Node) -> At {
             let pins = values.iter().zip(["IN1", "IN2"]);
             let value = |at: u32| At::Value(names.value(at), at);
             let inputs = pins.map(|(one, pin)| Pin::new(pin, value(one.statement))).collect();
-            let outputs = vec![Pin::new("", At::Open)];
-            let base = Frame::new(node.id, signs::compare(*format, *how));
-            let frame = Frame { inputs, outputs, used: true, rails: false, statement: first, ..base };
+            let frame = Frame { statement: first, ..sign(node.id, &signs::compare(*format, *how), inputs) };
             At::Logic(frame.draw(names), node.id, false)
         }
         Kind::Box(inner) => {
@@ -141,15 +139,17 @@ fn at(names: &Names<'_>, node: &Node) -> At {
 
 /// `&` or another gate with any number of inputs.
 fn gate(names: &Names<'_>, id: u32, title: &str, legs: &[Node]) -> Sketch {
-    let inputs = legs.iter().map(|leg| Pin::new("", at(names, leg))).collect();
-    let outputs = vec![Pin::new("", At::Open)];
-    Frame { inputs, outputs, used: true, rails: false, ..Frame::new(id, title.to_owned()) }.draw(names)
+    sign(id, title, legs.iter().map(|leg| Pin::new("", at(names, leg))).collect()).draw(names)
 }
 
 fn single(names: &Names<'_>, id: u32, lead: At) -> Sketch {
-    let inputs = vec![Pin::new("", lead)];
+    sign(id, "&", vec![Pin::new("", lead)]).draw(names)
+}
+
+/// A box with one output that feeds the next.
+fn sign(id: u32, title: &str, inputs: Vec<Pin>) -> Frame {
     let outputs = vec![Pin::new("", At::Open)];
-    Frame { inputs, outputs, used: true, rails: false, ..Frame::new(id, "&".to_owned()) }.draw(names)
+    Frame { inputs, outputs, used: true, rails: false, ..Frame::new(id, title.to_owned()) }
 }
 
 /// NOT, edges and connectors act on all that stands before them: `&`, then they.
@@ -171,14 +171,10 @@ fn joined(names: &Names<'_>, place: Place, id: u32, mut lead: Vec<At>) -> At {
     if lead.len() == 1 {
         return lead.pop().unwrap_or(At::Open);
     }
-    let inputs = lead.into_iter().map(|at| Pin::new("", at)).collect();
-    let outputs = vec![Pin::new("", At::Open)];
-    let base = Frame::new(id, "&".to_owned());
-    let places = match place {
-        Place::Before(_) => [place; 3],
-        _ => base.places,
-    };
-    let frame = Frame { places, inputs, outputs, used: true, rails: false, ..base };
+    let mut frame = sign(id, "&", lead.into_iter().map(|at| Pin::new("", at)).collect());
+    if matches!(place, Place::Before(_)) {
+        frame.places = [place; 3];
+    }
     let mut sketch = frame.draw(names);
     // The wire behind it is that of the pin it leads to.
     sketch.pieces.retain(|piece| !matches!(piece.shape, Shape::Along { from, to, .. } if from == to));
@@ -194,21 +190,9 @@ fn unary(names: &Names<'_>, node: &Node, before: At) -> At {
                 other => At::Logic(single(names, node.id, other), node.id, true),
             };
         }
-        Kind::Edge { rising, boxed, .. } => {
-            let title = match (boxed, rising) {
-                (false, true) => "P",
-                (false, false) => "N",
-                (true, true) => "POS",
-                (true, false) => "NEG",
-            };
-            (title, node.statements.end.saturating_sub(1))
-        }
+        Kind::Edge { rising, boxed, .. } => (signs::edge(*boxed, *rising), node.statements.end.saturating_sub(1)),
         _ => ("#", node.statements.start),
     };
-    let inputs = vec![Pin::new("", before)];
-    let outputs = vec![Pin::new("", At::Open)];
-    let base = Frame::new(node.id, title.to_owned());
-    let above = names.above(statement);
-    let frame = Frame { above, statement, inputs, outputs, used: true, rails: false, ..base };
+    let frame = Frame { above: names.above(statement), statement, ..sign(node.id, title, vec![Pin::new("", before)]) };
     At::Logic(frame.draw(names), node.id, false)
 }

@@ -16,6 +16,16 @@ pub(crate) fn compare(format: NumberFormat, how: Compare) -> String {
     format!("CMP {}{}", how.name(), format.name())
 }
 
+/// The box or sign of an edge.
+pub(crate) const fn edge(boxed: bool, rising: bool) -> &'static str {
+    match (boxed, rising) {
+        (false, true) => "P",
+        (false, false) => "N",
+        (true, true) => "POS",
+        (true, false) => "NEG",
+    }
+}
+
 /// The box of an operation on values: `ADD_I`.
 pub(crate) fn operation(op: &Op) -> String {
     match op {

@@ -3,17 +3,14 @@
 use ob1_ir::{AddressRegister, Number, Place, Pointer};
 use ob1_model::{Area, BitAddr};
 
-/// The areas in the order of their codes in a nibble.
-const AREAS: [Area; 7] = [Area::Peripheral, Area::Input, Area::Output, Area::Memory, Area::Db, Area::Di, Area::Local];
-
 /// The code of an area in a nibble; 0 is the periphery.
 pub(super) fn area_code(area: Area) -> Option<u8> {
-    AREAS.into_iter().zip(0..).find(|(of, _)| *of == area).map(|(_, code)| code)
+    (area != Area::PreviousLocal).then_some(area.pointer_code() & 0x0F)
 }
 
 /// The area of a nibble.
 pub(super) fn area(code: u8) -> Option<Area> {
-    AREAS.get(usize::from(code)).copied()
+    Area::from_pointer_code(0x80 | code).filter(|area| *area != Area::PreviousLocal)
 }
 
 /// The area of a bit operand: as [`area`], the periphery has no bits.

@@ -7,7 +7,7 @@ use ob1_model::BlockKind::Fb;
 
 use super::input::dead_band;
 use super::tcont_parameters::{TcontCp, parameters};
-use super::temperature::{Input, limited, proportional_step, sampled};
+use super::temperature::{limited, process_value, proportional_step, sampled};
 use super::tuning;
 use crate::Done;
 use crate::call::Call;
@@ -23,7 +23,8 @@ fn tcont_cp(call: &mut Call<'_>) -> Done {
         return Ok(());
     }
     parameters(call);
-    let input = process_value(call);
+    use TcontCp::{PER_MODE, PV_FAC, PV_IN, PV_OFFS, PV_PER, PVPER_ON};
+    let input = process_value(call, [PVPER_ON, PV_PER, PER_MODE, PV_IN, PV_FAC, PV_OFFS]);
     if !call.bool(TcontCp::PULSE_ON) {
         pid(call, input);
         call.set_bool(TcontCp::QPULSE, false);
@@ -79,18 +80,6 @@ fn restart(call: &mut Call<'_>) {
     call.set_bool(TcontCp::QC_ACT, true);
     let first = call.real(TcontCp::I_ITLVAL);
     call.set_real(TcontCp::LMN_I, first);
-}
-
-fn process_value(call: &mut Call<'_>) -> f32 {
-    let input = Input {
-        from_periphery: call.bool(TcontCp::PVPER_ON),
-        word: call.int(TcontCp::PV_PER),
-        mode: call.int(TcontCp::PER_MODE),
-        value: call.real(TcontCp::PV_IN),
-        factor: call.real(TcontCp::PV_FAC),
-        offset: call.real(TcontCp::PV_OFFS),
-    };
-    input.process_value()
 }
 
 /// Adds a value of a pulse call, and gives the mean since the last PID algorithm.

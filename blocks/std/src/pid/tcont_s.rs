@@ -7,7 +7,7 @@ use ob1_model::BlockKind::Fb;
 
 use super::actuator::{Actuator, THRESHOLDS, Travel};
 use super::input::{TRUE, dead_band, real};
-use super::temperature::{Input, proportional_step};
+use super::temperature::{process_value, proportional_step};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
@@ -37,15 +37,9 @@ fn tcont_s(call: &mut Call<'_>) -> Done {
         }
         return Ok(());
     }
-    let input = Input {
-        from_periphery: call.bool(TcontS::PVPER_ON),
-        word: call.int(TcontS::PV_PER),
-        mode: call.int(TcontS::PER_MODE),
-        value: call.real(TcontS::PV_IN),
-        factor: call.real(TcontS::PV_FAC),
-        offset: call.real(TcontS::PV_OFFS),
-    };
-    let (pv, set_point) = (input.process_value(), call.real(TcontS::SP_INT));
+    use TcontS::{PER_MODE, PV_FAC, PV_IN, PV_OFFS, PV_PER, PVPER_ON};
+    let pv = process_value(call, [PVPER_ON, PV_PER, PER_MODE, PV_IN, PV_FAC, PV_OFFS]);
+    let set_point = call.real(TcontS::SP_INT);
     let error = dead_band(set_point - pv, call.real(TcontS::DEADB_W));
     let gain = call.real(TcontS::GAIN);
     let signal = gain * error + call.real(TcontS::DISV);

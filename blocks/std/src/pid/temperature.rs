@@ -1,35 +1,24 @@
 //! What the two temperature controllers share. ["PID Temperature Control"]
 
-/// The process value as it comes to the block.
-pub(super) struct Input {
-    /// PVPER_ON: the value is PV_PER.
-    pub(super) from_periphery: bool,
-    /// PV_PER: the word of the analog input.
-    pub(super) word: i16,
-    /// PER_MODE: what the word stands for.
-    pub(super) mode: i16,
-    /// PV_IN: the value in floating point.
-    pub(super) value: f32,
-    /// PV_FAC: factor of the process value.
-    pub(super) factor: f32,
-    /// PV_OFFS: offset of the process value.
-    pub(super) offset: f32,
-}
+use crate::call::Call;
+use crate::declare::Params;
 
-impl Input {
-    /// PV: the value, or the word of the analog input as its range says, by factor and offset.
-    pub(super) fn process_value(&self) -> f32 {
-        if !self.from_periphery {
-            return self.value;
-        }
-        let unit = match self.mode {
-            // Thermocouples and resistance thermometers in tenths, the climatic range in hundredths.
-            0 => 0.1,
-            1 => 0.01,
-            _ => 100.0 / 27_648.0,
-        };
-        f32::from(self.word) * unit * self.factor + self.offset
+/// PV: the value, or the word of the analog input as its range says, by factor and offset. From PVPER_ON, PV_PER,
+/// PER_MODE, PV_IN, PV_FAC and PV_OFFS.
+pub(super) fn process_value<P: Params>(
+    call: &mut Call<'_>,
+    [from_periphery, word, mode, value, factor, offset]: [P; 6],
+) -> f32 {
+    if !call.bool(from_periphery) {
+        return call.real(value);
     }
+    let unit = match call.int(mode) {
+        // Thermocouples and resistance thermometers in tenths, the climatic range in hundredths.
+        0 => 0.1,
+        1 => 0.01,
+        _ => 100.0 / 27_648.0,
+    };
+    f32::from(call.int(word)) * unit * call.real(factor) + call.real(offset)
 }
 
 /// The integral action after a change of the set point that is worth `step` of the proportional action: PFAC_SP of it
@@ -57,15 +46,20 @@ pub(super) fn sampled(long: f32, short: f32) -> i16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::input::real;
     use super::*;
+    use crate::tests::Fake;
 
     #[test]
     fn ranges_of_analog_inputs() {
         for (from_periphery, word, mode, value) in
             [(false, 100, 0, 7.0), (true, 215, 0, 44.0), (true, 2150, 1, 44.0), (true, 27_648, 2, 201.0)]
         {
-            let input = Input { from_periphery, word, mode, value: 7.0, factor: 2.0, offset: 1.0 };
-            assert!((input.process_value() - value).abs() < 1e-4, "{mode}");
+            let mut fake = Fake::new("PID:FB59").with("PVPER_ON", [u8::from(from_periphery)]).with("PV_IN", real(7.0));
+            fake = fake.with("PV_PER", i16::to_be_bytes(word)).with("PER_MODE", i16::to_be_bytes(mode));
+            fake = fake.with("PV_FAC", real(2.0)).with("PV_OFFS", real(1.0));
+            fake.run();
+            assert!((f32::from_bits(fake.value("PV")) - value).abs() < 1e-4, "{mode}");
         }
     }
 

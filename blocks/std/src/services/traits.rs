@@ -20,9 +20,7 @@ pub trait Meters {
 }
 
 /// Interrupts by time. The CPU looks at them again after a block that asked for one of them.
-pub trait Schedule {
-    /// Date and time now.
-    fn moment(&mut self) -> Moment;
+pub trait Schedule: WallClock {
     /// The interrupt of OB 10 to 17; `None` for an OB this CPU does not have.
     fn time_of_day(&mut self, ob: u16) -> Option<&mut TimeOfDayInterrupt>;
     /// The interrupt of OB 20 to 23; `None` for an OB this CPU does not have.
@@ -301,7 +299,7 @@ pub trait AlarmSource {
 
 /// All of it, as the CPU has it.
 pub trait Services:
-    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
+    Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
 {
     /// The filter of synchronous errors of the running priority class.
     fn error_filter(&mut self) -> &mut ErrorFilter;

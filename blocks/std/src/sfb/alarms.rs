@@ -9,7 +9,7 @@ use ob1_model::{ALARM_VALUE_BYTES, ALARM_VALUES, AlarmKind, AlarmValues};
 use crate::Done;
 use crate::alarm_value::{Value, take};
 use crate::call::Call;
-use crate::declare::{Declared, Params, params};
+use crate::declare::{At, params};
 use crate::row::Row;
 use crate::services::{NoPlaceFor, Reported};
 
@@ -92,17 +92,6 @@ const UNDER_WAY: u16 = 25;
 /// The lowest weight of an event.
 const LOWEST_SEVERITY: u16 = 127;
 
-/// A parameter by its index.
-#[derive(Clone, Copy)]
-struct At(u32);
-
-impl Params for At {
-    const DECLARED: &'static [Declared] = &[];
-    fn index(self) -> u32 {
-        self.0
-    }
-}
-
 /// Where a block has its parameters.
 struct Face {
     kind: AlarmKind,
@@ -184,14 +173,14 @@ fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
     let owner = call.cx.instance().map_or((0, 0), |instance| (instance.db, instance.offset));
     let (mut id, mut at) = (call.raw(number), call.word(place));
     // ID and EV_ID count at the first call only, and again after a restart, which has emptied the table.
-    let is_first = call.cx.messages().alarms().registered(at, id, owner).is_none();
+    let is_first = call.cx.services().alarms().registered(at, id, owner).is_none();
     if is_first {
         // At the first call a pointer that is none is an error; later the message is sent without the value.
         id = call.raw(face.number);
         if face.values(call).1 == Value::NoPointer {
             return face.end(call, false, true, BAD_NUMBER);
         }
-        at = match call.cx.messages().alarms().register(face.kind, id, owner) {
+        at = match call.cx.services().alarms().register(face.kind, id, owner) {
             Ok(place) => place,
             Err(NoPlaceFor::Number) => return face.end(call, false, true, BAD_NUMBER),
             Err(NoPlaceFor::Taken) => return face.end(call, false, true, TAKEN),
@@ -208,7 +197,7 @@ fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
     let (done, error, status) = if signals != call.byte(last) || tells_first {
         let (values, worst) = face.values(call);
         let is_good = worst == Value::None && call.word(face.severity) <= LOWEST_SEVERITY;
-        let messages = call.cx.messages();
+        let messages = call.cx.services();
         let time = messages.alarm_time();
         let reported = messages.alarms().report(at, signals, &values, time);
         messages.send_alarms();
@@ -223,7 +212,7 @@ fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
         }
     } else {
         let waited = call.bool(waits);
-        let table = call.cx.messages().alarms();
+        let table = call.cx.services().alarms();
         let logged_on = table.displays().want(face.kind.display());
         let (is_locked, waiting) =
             table.registered(at, id, owner).map_or((false, 0), |(s, waiting)| (s.locked, waiting));
@@ -241,7 +230,7 @@ fn alarm(call: &mut Call<'_>, face: &Face) -> Done {
     if let Some((enabled, state)) = face.acknowledged
         && (call.bool(enabled) || is_first)
     {
-        let table = call.cx.messages().alarms();
+        let table = call.cx.services().alarms();
         let (coming, going) = table.registered(at, id, owner).map_or((0xFF, 0xFF), |(s, _)| (s.coming, s.going));
         if face.kind == AlarmKind::Alarm {
             call.set_bool(state, going & 1 == 1);

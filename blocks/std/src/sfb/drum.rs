@@ -3,9 +3,8 @@
 
 use ob1_model::BlockKind;
 
-use crate::Done;
-use crate::call::Call;
-use crate::declare::{Declared, Params, params};
+use crate::call::{Call, Code};
+use crate::declare::{At, params};
 use crate::row::{Origin, Row};
 use crate::ticks::time_tick;
 
@@ -28,12 +27,12 @@ params!(Drum {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfb::<Drum>(32, "DRUM", |call| drum(call, |code| code)).note(NOTE),
-    // FB 85 has the same errors as 000Bh to 000Eh.
-    Row::new::<Drum>(Origin::TiS7, BlockKind::Fb, 85, "DRUM", |call| {
-        drum(call, |code| code - WRONG_LAST_STEP + 0x000B)
+    Row::ti::<Drum>(BlockKind::Fb, 85, "DRUM", |call| {
+        // The same errors as 000Bh to 000Eh.
+        drum(call).map_err(|code| code - WRONG_LAST_STEP + 0x000B)
     })
     .note(NOTE),
+    Row::with_code::<Drum>(Origin::System, BlockKind::Sfb, 32, "DRUM", drum).note(NOTE),
 ];
 
 const NOTE: &str = "DTBP in ms; DCC counts down in ms while the step's event is 1; PREV_TIME is ours";
@@ -44,24 +43,6 @@ const WRONG_CURRENT_STEP: u16 = 0x8082;
 const WRONG_PRESET_STEP: u16 = 0x8083;
 const WRONG_TIME: u16 = 0x8084;
 
-/// A parameter by its index: the numbered ones lie one after the other.
-#[derive(Clone, Copy)]
-struct Numbered(Drum, u32);
-
-impl Params for Numbered {
-    const DECLARED: &'static [Declared] = Drum::DECLARED;
-    fn index(self) -> u32 {
-        self.0 as u32 + self.1
-    }
-}
-
-/// `code` gives an error the number it has in this block.
-fn drum(call: &mut Call<'_>, code: fn(u16) -> u16) -> Done {
-    let result = step(call);
-    call.set(Drum::ERR_CODE, u32::from(result.map_or_else(code, |()| 0)));
-    call.br(result.is_ok())
-}
-
 /// Time of a step in ms, or the error of a product that is out of range.
 fn preset(call: &mut Call<'_>, step: u8) -> Result<u32, u16> {
     let mut factor = [0; 2];
@@ -71,7 +52,7 @@ fn preset(call: &mut Call<'_>, step: u8) -> Result<u32, u16> {
     if time > 0x7FFF_FFFF { Err(WRONG_TIME) } else { Ok(time) }
 }
 
-fn step(call: &mut Call<'_>) -> Result<(), u16> {
+fn drum(call: &mut Call<'_>) -> Code {
     let now = time_tick(call.cx.now());
     let passed = now.wrapping_sub(call.raw(Drum::PREV_TIME)) & 0x7FFF_FFFF;
     let (jog, jogged) = (call.bool(Drum::JOG), call.bool(Drum::JOG_HIS));
@@ -97,7 +78,7 @@ fn step(call: &mut Call<'_>) -> Result<(), u16> {
         }
         let advance = if jog && !jogged {
             true
-        } else if call.bool(Drum::DRUM_EN) && call.bool(Numbered(Drum::EVENT1, u32::from(current) - 1)) {
+        } else if call.bool(Drum::DRUM_EN) && call.bool(At(Drum::EVENT1 as u32 + u32::from(current) - 1)) {
             let left = call.raw(Drum::DCC).saturating_sub(passed);
             call.set(Drum::DCC, left);
             left == 0
@@ -117,7 +98,7 @@ fn step(call: &mut Call<'_>) -> Result<(), u16> {
     let over = call.bool(Drum::EOD);
     call.set_bool(Drum::Q, over);
     outputs(call, current);
-    Ok(())
+    Ok(0)
 }
 
 /// Each output takes the step's bit where the step's mask is 1, and stays where it is 0.
@@ -134,7 +115,7 @@ fn outputs(call: &mut Call<'_>, step: u8) {
     let word = call.word(Drum::OUT_WORD) & !mask | values & mask;
     call.set(Drum::OUT_WORD, u32::from(word));
     for bit in 0..16 {
-        call.set_bool(Numbered(Drum::OUT0, bit), word >> bit & 1 == 1);
+        call.set_bool(At(Drum::OUT0 as u32 + bit), word >> bit & 1 == 1);
     }
 }
 

@@ -108,8 +108,7 @@ fn write(call: &mut Call<'_>) -> Result<(), u32> {
 
 /// MODE 0: who sent the alarm. 1: the alarm, whoever sent it. 2: the alarm if F_ID sent it.
 fn ralrm(call: &mut Call<'_>) -> Done {
-    let source = call.cx.alarm_source();
-    let alarm = source.alarm();
+    let alarm = call.cx.services().alarm();
     let mode = call.int(Ralrm::MODE);
     let asked = call.raw(Ralrm::F_ID);
     call.set_bool(Ralrm::NEW, false);

@@ -6,13 +6,14 @@
 //! that no name of TIA Portal has keep the timer's state and the counter's last signals.
 
 use super::counters::{ctd, ctu, ctud};
-use super::timers::{Moment, Reached, State, Step, off_delay, on_delay, pulse};
+use super::timers::{State, Step, off_delay, on_delay, pulse, turn};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
 use crate::row::Row;
 use crate::ticks::time_tick;
 
+// The parameters are those of `timers`, whose step runs here too.
 params!(Timer {
     Input { IN: BOOL, PT: TIME }
     Output { Q: BOOL, ET: TIME }
@@ -88,14 +89,8 @@ fn edge(call: &mut Call<'_>, rising: bool) -> Done {
 
 fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
-    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
-    let before = Moment { state: State::from_byte(call.byte(Timer::STATE)), start: call.raw(Timer::ST) };
-    let Reached { kept, state, elapsed } = before.next(step, now, input, preset);
-    call.set(Timer::STATE, kept.state as u32);
-    call.set(Timer::ST, kept.start);
-    call.set_bool(Timer::RU, kept.state.runs());
-    call.set_dint(Timer::ET, elapsed);
-    call.set_bool(Timer::Q, output(state));
+    let kept = turn(call, now, [Timer::STATE, Timer::ST], step, output);
+    call.set_bool(Timer::RU, kept.runs());
     Ok(())
 }
 

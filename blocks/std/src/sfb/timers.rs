@@ -4,7 +4,7 @@
 
 use crate::Done;
 use crate::call::Call;
-use crate::declare::params;
+use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::ticks::time_tick;
 
@@ -33,7 +33,7 @@ pub(super) enum State {
 }
 
 impl State {
-    pub(super) const fn from_byte(byte: u8) -> Self {
+    const fn from_byte(byte: u8) -> Self {
         match byte {
             1 => State::Running,
             2 => State::Over,
@@ -63,38 +63,50 @@ pub(super) type Step = fn(State, bool, bool) -> State;
 
 fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
-    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
-    let before = Moment { state: State::from_byte(call.byte(Timer::STATE)), start: call.raw(Timer::STIME) };
-    let Reached { kept, state, elapsed } = before.next(step, now, input, preset);
-    call.set(Timer::STATE, kept.state as u32);
-    call.set(Timer::STIME, kept.start);
+    turn(call, now, [Timer::STATE, Timer::STIME], step, output);
     call.set(Timer::ATIME, now);
-    call.set_dint(Timer::ET, elapsed);
-    call.set_bool(Timer::Q, output(state));
     Ok(())
+}
+
+/// One call of a timer with these statics; the state it keeps.
+pub(super) fn turn<P: Params>(
+    call: &mut Call<'_>,
+    now: u32,
+    [state, start]: [P; 2],
+    step: Step,
+    output: fn(State) -> bool,
+) -> State {
+    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
+    let before = Moment { state: State::from_byte(call.byte(state)), start: call.raw(start) };
+    let Reached { kept, state: reached, elapsed } = before.next(step, now, input, preset);
+    call.set(state, kept.state as u32);
+    call.set(start, kept.start);
+    call.set_dint(Timer::ET, elapsed);
+    call.set_bool(Timer::Q, output(reached));
+    kept.state
 }
 
 /// The state of a timer, and since when it runs.
 #[derive(Clone, Copy)]
-pub(super) struct Moment {
-    pub(super) state: State,
-    pub(super) start: u32,
+struct Moment {
+    state: State,
+    start: u32,
 }
 
 /// What a call has reached.
 #[derive(Clone, Copy)]
-pub(super) struct Reached {
+struct Reached {
     /// For the next call.
-    pub(super) kept: Moment,
+    kept: Moment,
     /// The state that decides Q.
-    pub(super) state: State,
+    state: State,
     /// ET, elapsed time in milliseconds.
-    pub(super) elapsed: i32,
+    elapsed: i32,
 }
 
 impl Moment {
     /// The next moment. A PT below 0, which the manual does not allow, counts as 0.
-    pub(super) fn next(self, step: Step, now: u32, input: bool, preset: i32) -> Reached {
+    fn next(self, step: Step, now: u32, input: bool, preset: i32) -> Reached {
         let (Self { state, mut start }, preset) = (self, preset.max(0));
         // "call with PT = 0 ms in OB 100": what was before is forgotten, and so is this call.
         let old = if preset == 0 { State::Idle } else { state };

@@ -1,11 +1,11 @@
 //! SFC 5 GADR_LGC, SFC 49 LGC_GADR, SFC 50 RD_LGADR, SFC 70 GEO_LOG, SFC 71 LOG_GEO: from the place of a module to its
 //! logical addresses and back. ["Addressing Modules"]
 
-use crate::call::{Call, write_error};
+use crate::AnyType;
+use crate::call::{Call, Code, write_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::{NoPlace, Placed};
-use crate::{Abort, AnyType, Done};
 
 params!(GadrLgc {
     Input { SUBNETID: BYTE, RACK: WORD, SLOT: WORD, SUBSLOT: BYTE, SUBADDR: WORD }
@@ -34,11 +34,11 @@ params!(LogGeo {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<GadrLgc>(5, "GADR_LGC", gadr_lgc),
-    Row::sfc::<LgcGadr>(49, "LGC_GADR", lgc_gadr),
-    Row::sfc::<RdLgadr>(50, "RD_LGADR", rd_lgadr),
-    Row::sfc::<GeoLog>(70, "GEO_LOG", geo_log),
-    Row::sfc::<LogGeo>(71, "LOG_GEO", log_geo),
+    Row::coded::<GadrLgc>(5, "GADR_LGC", gadr_lgc),
+    Row::coded::<LgcGadr>(49, "LGC_GADR", lgc_gadr),
+    Row::coded::<RdLgadr>(50, "RD_LGADR", rd_lgadr),
+    Row::coded::<GeoLog>(70, "GEO_LOG", geo_log),
+    Row::coded::<LogGeo>(71, "LOG_GEO", log_geo),
 ];
 
 /// Identifier of the peripheral inputs.
@@ -84,96 +84,82 @@ fn base(placed: &Placed) -> Option<(u8, u16, u16)> {
     }
 }
 
-/// The module in a slot of the central rack, with the codes SFC 5 and SFC 70 share.
-fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u16>, Abort> {
-    let service = call.cx.rack();
-    Ok(if rack != 0 {
-        Err(NO_RACK)
-    } else if !(1..=LAST_SLOT).contains(&slot) {
-        Err(NO_SLOT)
-    } else {
-        service.module_in(rack, slot).ok_or(EMPTY)
-    })
-}
-
-/// The module in a slot of a station.
-fn distributed(call: &mut Call<'_>, master: u16, station: u16, slot: u16) -> Result<Result<Placed, u16>, Abort> {
-    Ok(call.cx.rack().module_on(master, station, slot).map_err(|missing| match missing {
-        NoPlace::Master => NO_SUBNET,
-        NoPlace::Station => NO_RACK,
-        NoPlace::Slot => EMPTY,
-    }))
+/// The module in a slot of the central rack, or of a station of a master system, with the codes SFC 5 and SFC 70 share.
+fn module_in(call: &mut Call<'_>, master: u16, rack: u16, slot: u16) -> Result<Placed, u16> {
+    let services = call.cx.services();
+    if master != 0 {
+        return services.module_on(master, rack, slot).map_err(|missing| match missing {
+            NoPlace::Master => NO_SUBNET,
+            NoPlace::Station => NO_RACK,
+            NoPlace::Slot => EMPTY,
+        });
+    }
+    if rack != 0 {
+        return Err(NO_RACK);
+    }
+    if !(1..=LAST_SLOT).contains(&slot) {
+        return Err(NO_SLOT);
+    }
+    services.module_in(rack, slot).ok_or(EMPTY)
 }
 
 /// The area and the rack of a module, as SFC 49 and SFC 71 tell them.
 fn area_of(call: &mut Call<'_>, placed: &Placed) -> u8 {
-    if placed.master != 0 { DISTRIBUTED } else { call.cx.rack().area() }
+    if placed.master != 0 { DISTRIBUTED } else { call.cx.services().area() }
 }
 
-fn gadr_lgc(call: &mut Call<'_>) -> Done {
+fn gadr_lgc(call: &mut Call<'_>) -> Code {
     let (rack, slot, offset) = (call.word(GadrLgc::RACK), call.word(GadrLgc::SLOT), call.word(GadrLgc::SUBADDR));
-    let there = match call.byte(GadrLgc::SUBNETID) {
-        0 => central(call, rack, slot)?,
-        master => distributed(call, u16::from(master), rack, slot)?,
-    };
-    let found = match there {
-        Ok(_) if call.byte(GadrLgc::SUBSLOT) != 0 => Err(NO_SUBSLOT),
-        Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
-        Err(code) => Err(code),
-    };
-    let code = match found {
-        Ok((_, _, bytes)) if offset >= bytes => NO_OFFSET,
-        Ok((area, first, _)) => {
-            call.set(GadrLgc::IOID, u32::from(area));
-            call.set(GadrLgc::LADDR, u32::from(first + offset));
-            0
-        }
-        Err(code) => code,
-    };
-    call.end(GadrLgc::RET_VAL, code)
+    let master = u16::from(call.byte(GadrLgc::SUBNETID));
+    let placed = module_in(call, master, rack, slot)?;
+    if call.byte(GadrLgc::SUBSLOT) != 0 {
+        return Err(NO_SUBSLOT);
+    }
+    let (area, first, bytes) = base(&placed).ok_or(NO_INTERFACE)?;
+    if offset >= bytes {
+        return Err(NO_OFFSET);
+    }
+    call.set(GadrLgc::IOID, u32::from(area));
+    call.set(GadrLgc::LADDR, u32::from(first + offset));
+    Ok(0)
 }
 
 /// The module an identifier of the area and an address name.
-fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Placed>, Abort> {
-    let service = call.cx.rack();
-    Ok(match area {
-        INPUTS => service.module_with(address, false),
-        OUTPUTS => service.module_with(address, true),
-        _ => None,
-    })
+fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Placed, u16> {
+    let output = match area {
+        INPUTS => false,
+        OUTPUTS => true,
+        _ => return Err(NO_ADDRESS),
+    };
+    call.cx.services().module_with(address, output).ok_or(NO_ADDRESS)
 }
 
-fn lgc_gadr(call: &mut Call<'_>) -> Done {
+fn lgc_gadr(call: &mut Call<'_>) -> Code {
     let (area, address) = (call.byte(LgcGadr::IOID), call.word(LgcGadr::LADDR));
-    let Some(placed) = with_address(call, area, address)? else { return call.end(LgcGadr::RET_VAL, NO_ADDRESS) };
+    let placed = with_address(call, area, address)?;
     let kind = area_of(call, &placed);
     let first = if area == OUTPUTS { placed.outputs.0 } else { placed.inputs.0 };
     call.set(LgcGadr::AREA, u32::from(kind));
     call.set(LgcGadr::RACK, u32::from(u16::from(placed.master) << 8 | placed.rack));
     call.set(LgcGadr::SLOT, u32::from(placed.slot));
     call.set(LgcGadr::SUBADDR, u32::from(address - first));
-    call.end(LgcGadr::RET_VAL, 0)
+    Ok(0)
 }
 
-fn rd_lgadr(call: &mut Call<'_>) -> Done {
+fn rd_lgadr(call: &mut Call<'_>) -> Code {
     // With IOID 0 bit 15 of the address says which area is meant.
     let (area, address) = match (call.byte(RdLgadr::IOID), call.word(RdLgadr::LADDR)) {
         (0, address) if address & OUTPUT_BIT != 0 => (OUTPUTS, address & !OUTPUT_BIT),
         (0, address) => (INPUTS, address),
         given => given,
     };
-    let Some(placed) = with_address(call, area, address)? else { return call.end(RdLgadr::RET_VAL, NO_ADDRESS) };
+    let placed = with_address(call, area, address)?;
     let inputs = addresses(call, RdLgadr::PEADDR, placed.inputs, [0x80A0, 0x80A2]);
     let outputs = addresses(call, RdLgadr::PAADDR, placed.outputs, [0x80A1, 0x80A3]);
-    let code = match (inputs, outputs) {
-        (Ok(()), Ok(())) => {
-            call.set(RdLgadr::PECOUNT, u32::from(placed.inputs.1));
-            call.set(RdLgadr::PACOUNT, u32::from(placed.outputs.1));
-            0
-        }
-        (Err(code), _) | (_, Err(code)) => code,
-    };
-    call.end(RdLgadr::RET_VAL, code)
+    inputs.and(outputs)?;
+    call.set(RdLgadr::PECOUNT, u32::from(placed.inputs.1));
+    call.set(RdLgadr::PACOUNT, u32::from(placed.outputs.1));
+    Ok(0)
 }
 
 /// Writes the addresses of a range as words. `codes`: the field is not of words, the field is too short.
@@ -193,33 +179,22 @@ fn addresses(call: &mut Call<'_>, p: impl Params, (first, bytes): (u16, u16), co
     })
 }
 
-fn geo_log(call: &mut Call<'_>) -> Done {
+fn geo_log(call: &mut Call<'_>) -> Code {
     // Negative numbers are no racks and no slots either.
-    let (rack, slot) = (call.word(GeoLog::STATION), call.word(GeoLog::SLOT));
-    let there = match call.word(GeoLog::MASTER) {
-        0 => central(call, rack, slot)?,
-        master => distributed(call, master, rack, slot)?,
-    };
-    let found = match there {
-        Ok(_) if call.int(GeoLog::SUBSLOT) != 0 => Err(NO_SUBSLOT),
-        Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
-        Err(code) => Err(code),
-    };
-    let code = match found {
-        Ok((area, first, _)) => {
-            call.set(GeoLog::LADDR, u32::from(if area == OUTPUTS { first | OUTPUT_BIT } else { first }));
-            0
-        }
-        Err(code) => code,
-    };
-    call.end(GeoLog::RET_VAL, code)
+    let (master, rack, slot) = (call.word(GeoLog::MASTER), call.word(GeoLog::STATION), call.word(GeoLog::SLOT));
+    let placed = module_in(call, master, rack, slot)?;
+    if call.int(GeoLog::SUBSLOT) != 0 {
+        return Err(NO_SUBSLOT);
+    }
+    let (area, first, _) = base(&placed).ok_or(NO_INTERFACE)?;
+    call.set(GeoLog::LADDR, u32::from(if area == OUTPUTS { first | OUTPUT_BIT } else { first }));
+    Ok(0)
 }
 
-fn log_geo(call: &mut Call<'_>) -> Done {
+fn log_geo(call: &mut Call<'_>) -> Code {
     let given = call.word(LogGeo::LADDR);
     let (address, output) = (given & !OUTPUT_BIT, given & OUTPUT_BIT != 0);
-    let area = if output { OUTPUTS } else { INPUTS };
-    let Some(placed) = with_address(call, area, address)? else { return call.end(LogGeo::RET_VAL, NO_ADDRESS) };
+    let placed = with_address(call, if output { OUTPUTS } else { INPUTS }, address)?;
     let kind = area_of(call, &placed);
     let first = if output { placed.outputs.0 } else { placed.inputs.0 };
     for (p, value) in [
@@ -232,7 +207,7 @@ fn log_geo(call: &mut Call<'_>) -> Done {
     ] {
         call.set(p, u32::from(value));
     }
-    call.end(LogGeo::RET_VAL, 0)
+    Ok(0)
 }
 
 #[cfg(test)]

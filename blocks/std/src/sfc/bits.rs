@@ -2,11 +2,11 @@
 
 use ob1_model::{Area, BitAddr, FaultKind};
 
-use crate::call::{Call, write_error};
+use crate::Refused;
+use crate::call::{Call, Code, write_error};
 use crate::copy::parameter_error;
 use crate::declare::params;
 use crate::row::Row;
-use crate::{Done, Refused};
 
 params!(SetBits { Input { N: INT } Return { RET_VAL: INT } Output { SA: POINTER } });
 
@@ -14,16 +14,11 @@ const NOTE: &str =
     "whole bytes are written at once; a byte of which only some bits are concerned must lie in the process image";
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetBits>(79, "SET", |call| run(call, true)).note(NOTE),
-    Row::sfc::<SetBits>(80, "RSET", |call| run(call, false)).note(NOTE),
+    Row::coded::<SetBits>(79, "SET", |call| bits(call, true)).note(NOTE),
+    Row::coded::<SetBits>(80, "RSET", |call| bits(call, false)).note(NOTE),
 ];
 
-fn run(call: &mut Call<'_>, value: bool) -> Done {
-    let code = bits(call, value).err().unwrap_or(0);
-    call.end(SetBits::RET_VAL, code)
-}
-
-fn bits(call: &mut Call<'_>, value: bool) -> Result<(), u16> {
+fn bits(call: &mut Call<'_>, value: bool) -> Code {
     let mut pointer = [0; 6];
     let wrong = parameter_error(3, FaultKind::AreaWrite);
     call.cx.read(2, 0, &mut pointer).map_err(|_| wrong)?;
@@ -46,7 +41,7 @@ fn bits(call: &mut Call<'_>, value: bool) -> Result<(), u16> {
         call.cx.io_write(byte, &[new]).map_err(|_| write_error(3, Refused::Outside))?;
         bit += here;
     }
-    Ok(())
+    Ok(0)
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 
 use ob1_model::moment::{Moment, MomentError};
 
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
 use crate::row::Row;
 use crate::services::RunTimeMeter;
@@ -20,13 +19,17 @@ params!(Rtm { Input { NR: BYTE, MODE: BYTE, PV: DINT } Return { RET_VAL: INT } O
 params!(TimeTick { Return { RET_VAL: TIME } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetClk>(0, "SET_CLK", set_clk),
-    Row::sfc::<ReadClk>(1, "READ_CLK", read_clk),
-    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm).note("stands still in STOP; SFC 3 starts it after a restart"),
-    Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm),
-    Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm),
-    Row::sfc::<SetClkS>(100, "SET_CLKS", set_clks).note("CORR, SUMMER and ANN_1 are checked and not kept"),
-    Row::sfc::<Rtm>(101, "RTM", rtm),
+    Row::coded::<SetClk>(0, "SET_CLK", set_clk),
+    Row::coded::<ReadClk>(1, "READ_CLK", |call| {
+        let moment = call.cx.services().moment();
+        call.set_dt(ReadClk::CDT, moment);
+        Ok(0)
+    }),
+    Row::coded::<SetRtm>(2, "SET_RTM", set_rtm).note("stands still in STOP; SFC 3 starts it after a restart"),
+    Row::coded::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm),
+    Row::coded::<ReadRtm>(4, "READ_RTM", read_rtm),
+    Row::coded::<SetClkS>(100, "SET_CLKS", set_clks).note("CORR, SUMMER and ANN_1 are checked and not kept"),
+    Row::coded::<Rtm>(101, "RTM", rtm),
     Row::sfc::<TimeTick>(64, "TIME_TCK", |call| {
         let now = time_tick(call.cx.now());
         call.set(TimeTick::RET_VAL, now);
@@ -37,95 +40,61 @@ pub(super) const ROWS: &[Row] = &[
 /// No meter of this number.
 const NO_METER: u16 = 0x8080;
 
-fn set_clk(call: &mut Call<'_>) -> Done {
-    let moment = Moment::from_bytes(call.dt(SetClk::PDT));
-    let clock = call.cx.wall_clock();
-    let code = match moment {
-        Ok(moment) => {
-            clock.set_moment(moment);
-            0
-        }
-        Err(MomentError::Date) => 0x8080,
-        Err(MomentError::Time) => 0x8081,
-    };
-    call.end(SetClk::RET_VAL, code)
+fn set_clk(call: &mut Call<'_>) -> Code {
+    let moment = Moment::from_bytes(call.dt(SetClk::PDT)).map_err(|error| match error {
+        MomentError::Date => 0x8080_u16,
+        MomentError::Time => 0x8081,
+    })?;
+    call.cx.services().set_moment(moment);
+    Ok(0)
 }
 
-fn read_clk(call: &mut Call<'_>) -> Done {
-    let clock = call.cx.wall_clock();
-    let moment = clock.moment();
-    call.set_dt(ReadClk::CDT, moment);
-    call.end(ReadClk::RET_VAL, 0)
-}
-
-fn set_rtm(call: &mut Call<'_>) -> Done {
+fn set_rtm(call: &mut Call<'_>) -> Code {
     let (number, hours) = (call.byte(SetRtm::NR), u16::try_from(call.int(SetRtm::PV)));
-    let meters = call.cx.meters();
-    let code = match (meters.meter(number), hours) {
-        (None, _) => NO_METER,
-        (Some(_), Err(_)) => 0x8081,
-        (Some(meter), Ok(hours)) => {
-            meter.set(u32::from(hours));
-            0
-        }
-    };
-    call.end(SetRtm::RET_VAL, code)
+    let meter = call.cx.services().meter(number).ok_or(NO_METER)?;
+    meter.set(u32::from(hours.map_err(|_| 0x8081_u16)?));
+    Ok(0)
 }
 
-fn ctrl_rtm(call: &mut Call<'_>) -> Done {
+fn ctrl_rtm(call: &mut Call<'_>) -> Code {
     let (number, run, now) = (call.byte(CtrlRtm::NR), call.bool(CtrlRtm::S), call.cx.now());
-    let meters = call.cx.meters();
-    let code = match meters.meter(number) {
-        Some(meter) => {
-            meter.control(run, now);
-            0
-        }
-        None => NO_METER,
-    };
-    call.end(CtrlRtm::RET_VAL, code)
+    call.cx.services().meter(number).ok_or(NO_METER)?.control(run, now);
+    Ok(0)
 }
 
-fn read_rtm(call: &mut Call<'_>) -> Done {
+fn read_rtm(call: &mut Call<'_>) -> Code {
     let (number, now) = (call.byte(ReadRtm::NR), call.cx.now());
-    let meters = call.cx.meters();
-    let Some(meter) = meters.meter(number).copied() else { return call.end(ReadRtm::RET_VAL, NO_METER) };
+    let meter = *call.cx.services().meter(number).ok_or(NO_METER)?;
     let hours = meter.hours(now);
     call.set_bool(ReadRtm::CQ, meter.is_running());
     call.set_int(ReadRtm::CV, hours.unwrap_or(RunTimeMeter::MAX_HOURS) as i16);
-    call.end(ReadRtm::RET_VAL, if hours.is_some() { 0 } else { 0x8081 })
+    if hours.is_some() { Ok(0) } else { Err(0x8081) }
 }
 
 /// Clock and status of the clock. MODE: bit 0 sets the clock, bit 1 the status.
-fn set_clks(call: &mut Call<'_>) -> Done {
+fn set_clks(call: &mut Call<'_>) -> Code {
     let (mode, corr) = (call.byte(SetClkS::MODE), call.int(SetClkS::CORR));
-    let moment = Moment::from_bytes(call.dt(SetClkS::PDT));
-    let clock = call.cx.wall_clock();
     let (sets_clock, sets_status) = (mode & 1 != 0, mode & 2 != 0);
-    let code = if !(1..=3).contains(&mode) {
-        0x8080
-    } else if sets_status && !(-24..=26).contains(&corr) {
-        // Half hours.
-        0x8081
-    } else {
-        match moment {
-            Ok(moment) if sets_clock => {
-                clock.set_moment(moment);
-                0
-            }
-            Err(_) if sets_clock => 0x8082,
-            _ => 0,
-        }
-    };
-    call.end(SetClkS::RET_VAL, code)
+    if !(1..=3).contains(&mode) {
+        return Err(0x8080);
+    }
+    // Half hours.
+    if sets_status && !(-24..=26).contains(&corr) {
+        return Err(0x8081);
+    }
+    if sets_clock {
+        let moment = Moment::from_bytes(call.dt(SetClkS::PDT)).map_err(|_| 0x8082_u16)?;
+        call.cx.services().set_moment(moment);
+    }
+    Ok(0)
 }
 
 /// MODE: 0 only reads, 1 starts, 2 stops, 4 sets, 5 sets and starts, 6 sets and stops, 7 saves all meters (which are
 /// retentive here). The outputs show the meter after the job.
-fn rtm(call: &mut Call<'_>) -> Done {
+fn rtm(call: &mut Call<'_>) -> Code {
     let (number, mode, now) = (call.byte(Rtm::NR), call.byte(Rtm::MODE), call.cx.now());
     let preset = u32::try_from(call.dint(Rtm::PV));
-    let meters = call.cx.meters();
-    let Some(meter) = meters.meter(number) else { return call.end(Rtm::RET_VAL, NO_METER) };
+    let meter = call.cx.services().meter(number).ok_or(NO_METER)?;
     let mut code = 0;
     match (mode, preset) {
         (0 | 7, _) => {}
@@ -142,7 +111,11 @@ fn rtm(call: &mut Call<'_>) -> Done {
     let (running, hours) = (meter.is_running(), meter.long_hours(now));
     call.set_bool(Rtm::CQ, running);
     call.set_dint(Rtm::CV, hours.unwrap_or(RunTimeMeter::MAX_LONG_HOURS) as i32);
-    call.end(Rtm::RET_VAL, if code == 0 && hours.is_none() { 0x8082 } else { code })
+    match code {
+        0 if hours.is_none() => Err(0x8082),
+        0 => Ok(0),
+        error => Err(error),
+    }
 }
 
 #[cfg(test)]

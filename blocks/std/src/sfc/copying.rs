@@ -1,20 +1,20 @@
 //! SFC 20 BLKMOV, SFC 21 FILL, SFC 81 UBLKMOV. ["Copy and Block Functions"]
 
-use crate::call::{Call, read_error, write_error};
+use crate::call::{Call, Code, read_error, write_error};
 use crate::copy::{self, Plan, Side};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::text::Text;
-use crate::{AnyType, Done, Refused};
+use crate::{AnyType, Refused};
 
 params!(BlkMov { Input { SRCBLK: ANY } Return { RET_VAL: INT } Output { DSTBLK: ANY } });
 params!(Fill { Input { BVAL: ANY } Return { RET_VAL: INT } Output { BLK: ANY } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<BlkMov>(20, "BLKMOV", block_move)
+    Row::coded::<BlkMov>(20, "BLKMOV", block_move)
         .note("a STRING is moved whole, and the target keeps its maximum length"),
-    Row::sfc::<Fill>(21, "FILL", |call| run(call, Fill::BVAL, Fill::RET_VAL, Fill::BLK, copy::fill)),
-    Row::sfc::<BlkMov>(81, "UBLKMOV", block_move).note("as BLKMOV, which is not interrupted either"),
+    Row::coded::<Fill>(21, "FILL", |call| copied(call, Fill::BVAL, Fill::BLK, copy::fill)),
+    Row::coded::<BlkMov>(81, "UBLKMOV", block_move).note("as BLKMOV, which is not interrupted either"),
 ];
 
 /// Bytes copied at a time.
@@ -23,23 +23,19 @@ const CHUNK: u32 = 256;
 /// What is copied for a source and a target.
 type Planner = fn(Option<Side>, Option<Side>) -> Result<Plan, u16>;
 
-fn block_move(call: &mut Call<'_>) -> Done {
-    run(call, BlkMov::SRCBLK, BlkMov::RET_VAL, BlkMov::DSTBLK, copy::block_move)
+fn block_move(call: &mut Call<'_>) -> Code {
+    copied(call, BlkMov::SRCBLK, BlkMov::DSTBLK, copy::block_move)
 }
 
-fn run<P: Params>(call: &mut Call<'_>, source: P, ret_val: P, target: P, plan: Planner) -> Done {
-    let code = copied(call, source, target, plan).err().unwrap_or(0);
-    call.end(ret_val, code)
-}
-
-fn copied<P: Params>(call: &mut Call<'_>, source: P, target: P, plan: Planner) -> Result<(), u16> {
+fn copied<P: Params>(call: &mut Call<'_>, source: P, target: P, plan: Planner) -> Code {
     let from = side(call, source).map_err(|e| read_error(1, e))?;
     let to = side(call, target).map_err(|e| write_error(3, e))?;
     let plan = plan(from, to)?;
     match (plan.source.ty, plan.target.ty) {
-        (AnyType::String, AnyType::String) => assign(call, &plan),
-        _ => carry_out(call, &plan),
+        (AnyType::String, AnyType::String) => assign(call, &plan)?,
+        _ => carry_out(call, &plan)?,
     }
+    Ok(0)
 }
 
 /// A pointer, and of a STRING its maximum length.

@@ -3,11 +3,11 @@
 
 use ob1_model::Area;
 
-use crate::call::{Call, read_error, write_error};
+use crate::call::{Call, Code, read_error, write_error};
 use crate::declare::params;
 use crate::row::Row;
 use crate::services::{CreateError, DataBlocks, DbRequest, DeleteError, LoadError};
-use crate::{AnyPointer, Done, Refused};
+use crate::{AnyPointer, Refused};
 
 params!(CreatDb {
     Input { LOW_LIMIT: WORD, UP_LIMIT: WORD, COUNT: WORD }
@@ -24,28 +24,24 @@ params!(CreaDbl {
 params!(Dbl { Input { REQ: BOOL, SRCBLK: ANY } Return { RET_VAL: INT } Output { BUSY: BOOL, DSTBLK: ANY } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db),
-    Row::sfc::<DelDb>(23, "DEL_DB", del_db),
-    Row::sfc::<TestDb>(24, "TEST_DB", test_db),
-    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl).note(
+    Row::coded::<CreatDb>(22, "CREAT_DB", creat_db),
+    Row::coded::<DelDb>(23, "DEL_DB", |call| {
+        let number = call.word(DelDb::DB_NUMBER);
+        call.cx.services().delete(number).map(|()| 0).map_err(missing)
+    }),
+    Row::coded::<TestDb>(24, "TEST_DB", test_db),
+    Row::asked::<CreaDbl>(82, "CREA_DBL", crea_dbl).note(
         "answers in the same call; the bytes of the data block are its load values too, except with NON_RETAIN, which \
          takes twice the room; UNLINKED is refused",
     ),
-    Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl)).note("answers in the same call"),
-    Row::sfc::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl)).note("answers in the same call"),
+    Row::asked::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl)).note("answers in the same call"),
+    Row::asked::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl)).note("answers in the same call"),
 ];
 
 /// Bytes copied at a time.
 const CHUNK: u32 = 256;
 /// Not possible now; a later call may succeed.
 const NOT_NOW: u16 = 0x8092;
-/// REQ is 0 and no job is under way.
-const NO_JOB: u16 = 0x7000;
-
-/// Makes a code of a result.
-fn code(result: Result<(), u16>) -> u16 {
-    result.err().unwrap_or(0)
-}
 
 fn create(blocks: &mut dyn DataBlocks, request: &DbRequest) -> Result<u16, u16> {
     if request.low == 0 || request.low > request.high {
@@ -63,14 +59,13 @@ fn create(blocks: &mut dyn DataBlocks, request: &DbRequest) -> Result<u16, u16> 
     })
 }
 
-fn creat_db(call: &mut Call<'_>) -> Done {
+fn creat_db(call: &mut Call<'_>) -> Code {
     let (low, high) = (call.word(CreatDb::LOW_LIMIT), call.word(CreatDb::UP_LIMIT));
     let bytes = call.word(CreatDb::COUNT);
     let request = DbRequest { low, high, bytes, unlinked: false, read_only: false, non_retain: false };
-    let result = create(call.cx.data_blocks(), &request);
-    let result = result.map(|number| call.set(CreatDb::DB_NUMBER, u32::from(number)));
-    let code = code(result);
-    call.end(CreatDb::RET_VAL, code)
+    let number = create(call.cx.services(), &request)?;
+    call.set(CreatDb::DB_NUMBER, u32::from(number));
+    Ok(0)
 }
 
 const fn missing(error: DeleteError) -> u16 {
@@ -82,35 +77,16 @@ const fn missing(error: DeleteError) -> u16 {
     }
 }
 
-fn del_db(call: &mut Call<'_>) -> Done {
-    let number = call.word(DelDb::DB_NUMBER);
-    let result = call.cx.data_blocks().delete(number).map_err(missing);
-    let code = code(result);
-    call.end(DelDb::RET_VAL, code)
-}
-
-fn test_db(call: &mut Call<'_>) -> Done {
+fn test_db(call: &mut Call<'_>) -> Code {
     let number = call.word(TestDb::DB_NUMBER);
-    let blocks = call.cx.data_blocks();
-    let code = match blocks.info(number) {
-        Ok(info) => {
-            call.set(TestDb::DB_LENGTH, u32::from(info.bytes));
-            call.set_bool(TestDb::WRITE_PROT, info.read_only);
-            if info.unlinked { 0x80B2 } else { 0 }
-        }
-        Err(error) => missing(error),
-    };
-    call.end(TestDb::RET_VAL, code)
-}
-
-fn crea_dbl(call: &mut Call<'_>) -> Done {
-    call.set_bool(CreaDbl::BUSY, false);
-    let code = if call.bool(CreaDbl::REQ) { code(create_filled(call)) } else { NO_JOB };
-    call.end(CreaDbl::RET_VAL, code)
+    let info = call.cx.services().info(number).map_err(missing)?;
+    call.set(TestDb::DB_LENGTH, u32::from(info.bytes));
+    call.set_bool(TestDb::WRITE_PROT, info.read_only);
+    if info.unlinked { Err(0x80B2) } else { Ok(0) }
 }
 
 /// ATTRIB: bit 0 UNLINKED, bit 1 READ_ONLY, bit 2 NON_RETAIN. SRCBLK gives the first bytes; the rest is 0.
-fn create_filled(call: &mut Call<'_>) -> Result<(), u16> {
+fn crea_dbl(call: &mut Call<'_>) -> Code {
     let attributes = call.byte(CreaDbl::ATTRIB);
     if attributes > 7 {
         return Err(0x80A3);
@@ -124,22 +100,24 @@ fn create_filled(call: &mut Call<'_>) -> Result<(), u16> {
         non_retain: attributes & 4 != 0,
     };
     let source = call.any(CreaDbl::SRCBLK);
-    let number = create(call.cx.data_blocks(), &request)?;
+    let number = create(call.cx.services(), &request)?;
     call.set(CreaDbl::DB_NUM, u32::from(number));
-    let Some((source, bytes)) = source.and_then(|any| Some((any, any.bytes()?))) else { return Ok(()) };
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    let bytes = bytes.min(u32::from(request.bytes));
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+    let Some((source, bytes)) = source.and_then(|any| Some((any, any.bytes()?))) else { return Ok(0) };
+    in_pieces(bytes.min(u32::from(request.bytes)), |done, piece| {
         call.read_at(&source, done, piece).map_err(|e| read_error(6, e))?;
-        call.cx.data_blocks().load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
+        call.cx.services().load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
         if !request.unlinked && !request.read_only {
             call.cx.pointer_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
         }
-        done += piece.len() as u32;
-    }
-    Ok(())
+        Ok(())
+    })?;
+    Ok(0)
+}
+
+/// Bytes from 0 on, one piece after the other.
+fn in_pieces(bytes: u32, mut each: impl FnMut(u32, &mut [u8]) -> Result<(), u16>) -> Result<(), u16> {
+    let mut buffer = [0; CHUNK as usize];
+    (0..bytes).step_by(CHUNK as usize).try_for_each(|at| each(at, &mut buffer[..(bytes - at).min(CHUNK) as usize]))
 }
 
 const fn load_error(error: LoadError, parameter: u32) -> u16 {
@@ -153,46 +131,31 @@ const fn load_error(error: LoadError, parameter: u32) -> u16 {
 /// Copies bytes between the memories: call, from, to, how many.
 type Copy = fn(&mut Call<'_>, &AnyPointer, &AnyPointer, u32) -> Result<(), u16>;
 
-fn dbl(call: &mut Call<'_>, copy: Copy) -> Done {
-    call.set_bool(Dbl::BUSY, false);
-    let code = if call.bool(Dbl::REQ) { code(both(call, copy)) } else { NO_JOB };
-    call.end(Dbl::RET_VAL, code)
-}
-
 /// The shorter side decides.
-fn both(call: &mut Call<'_>, copy: Copy) -> Result<(), u16> {
+fn dbl(call: &mut Call<'_>, copy: Copy) -> Code {
     let ends = |any: Option<AnyPointer>| any.and_then(|any| Some((any, any.bytes()?)));
     let Some((from, have)) = ends(call.any(Dbl::SRCBLK)) else { return Err(read_error(2, Refused::NoParam)) };
     let Some((to, room)) = ends(call.any(Dbl::DSTBLK)) else { return Err(write_error(5, Refused::NoParam)) };
-    copy(call, &from, &to, have.min(room))
+    copy(call, &from, &to, have.min(room))?;
+    Ok(0)
 }
 
 /// Initial values from the load memory into the work memory.
 fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
-        let read = call.cx.data_blocks().load_read(from.db, from.at.byte() + done, piece);
+    in_pieces(bytes, |done, piece| {
+        let read = call.cx.services().load_read(from.db, from.at.byte() + done, piece);
         read.map_err(|e| load_error(e, 2))?;
-        call.write_at(to, done, piece).map_err(|e| write_error(5, e))?;
-        done += piece.len() as u32;
-    }
-    Ok(())
+        call.write_at(to, done, piece).map_err(|e| write_error(5, e))
+    })
 }
 
 /// Actual values from the work memory into the load memory.
 fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
-    let mut buffer = [0; CHUNK as usize];
-    let mut done = 0;
-    while done < bytes {
-        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+    in_pieces(bytes, |done, piece| {
         call.read_at(from, done, piece).map_err(|e| read_error(2, e))?;
-        let written = call.cx.data_blocks().load_write(to.db, to.at.byte() + done, piece);
-        written.map_err(|e| load_error(e, 5))?;
-        done += piece.len() as u32;
-    }
-    Ok(())
+        let written = call.cx.services().load_write(to.db, to.at.byte() + done, piece);
+        written.map_err(|e| load_error(e, 5))
+    })
 }
 
 #[cfg(test)]

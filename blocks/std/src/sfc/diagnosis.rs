@@ -1,9 +1,10 @@
 //! SFC 6 RD_SINFO, SFC 51 RDSYSST, SFC 78 OB_RT. ["Diagnostics"]
 
-use crate::call::{Call, write_error};
+use crate::Refused;
+use crate::call::{Call, Code, write_error};
 use crate::declare::params;
 use crate::row::Row;
-use crate::{Done, Refused};
+use crate::services::StatusError;
 
 params!(RdSinfo { Return { RET_VAL: INT } Output { TOP_SI: START_INFO, START_UP_SI: START_INFO } });
 params!(RdSysSt {
@@ -18,18 +19,18 @@ params!(ObRt {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<RdSinfo>(6, "RD_SINFO", rd_sinfo),
-    Row::sfc::<RdSysSt>(51, "RDSYSST", rdsysst).note("answers in the same call"),
-    Row::sfc::<ObRt>(78, "OB_RT", ob_rt),
+    Row::coded::<RdSinfo>(6, "RD_SINFO", rd_sinfo),
+    Row::asked::<RdSysSt>(51, "RDSYSST", rdsysst).note("answers in the same call"),
+    Row::coded::<ObRt>(78, "OB_RT", ob_rt),
 ];
 
-fn rd_sinfo(call: &mut Call<'_>) -> Done {
-    let info = call.cx.start_info();
+fn rd_sinfo(call: &mut Call<'_>) -> Code {
+    let info = call.cx.services();
     let (top, start_up) = (info.current(), info.start_up());
     // Structures of twelve bytes, both outputs.
     let _ = call.cx.write(RdSinfo::TOP_SI as u32, 0, &top);
     let _ = call.cx.write(RdSinfo::START_UP_SI as u32, 0, &start_up);
-    call.end(RdSinfo::RET_VAL, 0)
+    Ok(0)
 }
 
 /// The extract of an SZL-ID that stands for "header information only".
@@ -40,20 +41,15 @@ const LIST: usize = 2048;
 /// DR takes as many whole records as it has room for, RET_VAL is 0081h when some are missing, and 8081h when there is
 /// no room for one. SZL_HEADER tells the length of a record and how many are in DR; of an extract "header information
 /// only" (xFyz), how many there are.
-fn rdsysst(call: &mut Call<'_>) -> Done {
-    if !call.bool(RdSysSt::REQ) {
-        call.set_bool(RdSysSt::BUSY, false);
-        return call.end(RdSysSt::RET_VAL, 0x7000);
-    }
+fn rdsysst(call: &mut Call<'_>) -> Code {
     let (id, index) = (call.word(RdSysSt::SZL_ID), call.word(RdSysSt::INDEX));
     let target = call.any(RdSysSt::DR);
     let room = target.and_then(|any| any.bytes()).unwrap_or(0).min(LIST as u32) as usize;
-    let status = call.cx.system_status();
     let mut buffer = [0; LIST];
     let (mut records, mut kept, mut used) = (0u16, 0u16, 0usize);
     let header_only = id & HEADER_ONLY == HEADER_ONLY;
     let list = if header_only { id & !HEADER_ONLY } else { id };
-    let result = status.list(list, index, &mut |record| {
+    let listed = call.cx.services().list(list, index, &mut |record| {
         records = records.saturating_add(1);
         let end = used + record.len();
         if records == kept + 1 && end <= room {
@@ -61,35 +57,26 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
             (kept, used) = (records, end);
         }
     });
-    let code = match (result, target) {
-        (Err(error), _) => error.code(),
-        (Ok(length), _) if header_only => {
-            let [[a, b], [c, d]] = [length.to_be_bytes(), records.to_be_bytes()];
-            let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);
-            0
+    let length = listed.map_err(StatusError::code)?;
+    if !header_only {
+        target.ok_or(write_error(7, Refused::NoParam))?;
+        if kept == 0 && records > 0 {
+            return Err(0x8081);
         }
-        (Ok(_), None) => write_error(7, Refused::NoParam),
-        (Ok(_), Some(_)) if kept == 0 && records > 0 => 0x8081,
-        (Ok(length), Some(any)) => {
-            let [[a, b], [c, d]] = [length.to_be_bytes(), kept.to_be_bytes()];
-            let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);
-            match call.write_at(&any, 0, &buffer[..used]) {
-                Ok(()) if kept < records => 0x0081,
-                Ok(()) => 0,
-                Err(e) => write_error(7, e),
-            }
-        }
-    };
-    call.set_bool(RdSysSt::BUSY, false);
-    call.end(RdSysSt::RET_VAL, code)
+    }
+    let [[a, b], [c, d]] = [length, if header_only { records } else { kept }].map(u16::to_be_bytes);
+    let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);
+    if let Some(any) = target.filter(|_| !header_only) {
+        call.write_at(&any, 0, &buffer[..used]).map_err(|e| write_error(7, e))?;
+    }
+    Ok(if !header_only && kept < records { 0x0081 } else { 0 })
 }
 
 /// RET_VAL is the OB's number. The general code of a wrong first parameter for an OB that has no run times.
-fn ob_rt(call: &mut Call<'_>) -> Done {
+fn ob_rt(call: &mut Call<'_>) -> Code {
     let ob = call.word(ObRt::OB_NR);
-    let status = call.cx.system_status();
-    let times = if matches!(ob, 121 | 122) { None } else { status.run_times(ob) };
-    let Some(times) = times else { return call.end(ObRt::RET_VAL, 0x8080) };
+    let times = if matches!(ob, 121 | 122) { None } else { call.cx.services().run_times(ob) };
+    let times = times.ok_or(0x8080_u16)?;
     call.set(ObRt::PRIO, u32::from(times.priority));
     call.set(ObRt::LAST_RT, times.last_run);
     call.set(ObRt::LAST_ET, times.last_whole);
@@ -97,7 +84,7 @@ fn ob_rt(call: &mut Call<'_>) -> Done {
     call.set(ObRt::CUR_RT, times.current_run);
     call.set(ObRt::CUR_ET, times.current_whole);
     call.set(ObRt::NEXT_ET, times.next);
-    call.end(ObRt::RET_VAL, times.ob)
+    Ok(times.ob)
 }
 
 #[cfg(test)]

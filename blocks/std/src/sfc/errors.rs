@@ -1,7 +1,6 @@
 //! SFC 36 MSK_FLT, SFC 37 DMSK_FLT, SFC 38 READ_ERR, SFC 44 REPL_VAL. ["Handling Synchronous Errors"]
 
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
 use crate::row::Row;
 
@@ -23,45 +22,42 @@ params!(ReadErr {
 params!(ReplVal { Input { VAL: DWORD } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<MskFlt>(36, "MSK_FLT", msk_flt),
-    Row::sfc::<DmskFlt>(37, "DMSK_FLT", dmsk_flt),
-    Row::sfc::<ReadErr>(38, "READ_ERR", read_err),
-    Row::sfc::<ReplVal>(44, "REPL_VAL", repl_val),
+    Row::coded::<MskFlt>(36, "MSK_FLT", msk_flt),
+    Row::coded::<DmskFlt>(37, "DMSK_FLT", dmsk_flt),
+    Row::coded::<ReadErr>(38, "READ_ERR", read_err),
+    Row::coded::<ReplVal>(44, "REPL_VAL", |call| {
+        let value = call.raw(ReplVal::VAL);
+        if call.cx.services().replace_value(value) { Ok(0) } else { Err(0x8080) }
+    }),
 ];
 
-fn msk_flt(call: &mut Call<'_>) -> Done {
+fn msk_flt(call: &mut Call<'_>) -> Code {
     let errors = [call.raw(MskFlt::PRGFLT_SET_MASK), call.raw(MskFlt::ACCFLT_SET_MASK)];
-    let filter = call.cx.error_filter();
+    let filter = call.cx.services().error_filter();
     let already = filter.mask(errors);
     let [programming, access] = filter.masked();
     call.set(MskFlt::PRGFLT_MASKED, programming);
     call.set(MskFlt::ACCFLT_MASKED, access);
-    call.end(MskFlt::RET_VAL, u16::from(already))
+    Ok(u16::from(already))
 }
 
-fn dmsk_flt(call: &mut Call<'_>) -> Done {
+fn dmsk_flt(call: &mut Call<'_>) -> Code {
     let errors = [call.raw(DmskFlt::PRGFLT_RESET_MASK), call.raw(DmskFlt::ACCFLT_RESET_MASK)];
-    let filter = call.cx.error_filter();
+    let filter = call.cx.services().error_filter();
     let not_masked = filter.unmask(errors);
     let [programming, access] = filter.masked();
     call.set(DmskFlt::PRGFLT_MASKED, programming);
     call.set(DmskFlt::ACCFLT_MASKED, access);
-    call.end(DmskFlt::RET_VAL, u16::from(not_masked))
+    Ok(u16::from(not_masked))
 }
 
-fn read_err(call: &mut Call<'_>) -> Done {
+fn read_err(call: &mut Call<'_>) -> Code {
     let errors = [call.raw(ReadErr::PRGFLT_QUERY), call.raw(ReadErr::ACCFLT_QUERY)];
-    let filter = call.cx.error_filter();
+    let filter = call.cx.services().error_filter();
     let ([programming, access], not_masked) = filter.query(errors);
     call.set(ReadErr::PRGFLT_CLR, programming);
     call.set(ReadErr::ACCFLT_CLR, access);
-    call.end(ReadErr::RET_VAL, u16::from(not_masked))
-}
-
-fn repl_val(call: &mut Call<'_>) -> Done {
-    let value = call.raw(ReplVal::VAL);
-    let replaced = call.cx.replace_value(value);
-    call.end(ReplVal::RET_VAL, if replaced { 0 } else { 0x8080 })
+    Ok(u16::from(not_masked))
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! SFC 26 UPDAT_PI, SFC 27 UPDAT_PO. ["Updating the Process Image"]
 
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
 use crate::row::Row;
 use crate::services::{ImageError, Images};
@@ -9,27 +8,24 @@ use crate::services::{ImageError, Images};
 params!(Update { Input { PART: BYTE } Return { RET_VAL: INT } Output { FLADDR: WORD } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<Update>(26, "UPDAT_PI", |call| update(call, |images, part| images.update_inputs(part))),
-    Row::sfc::<Update>(27, "UPDAT_PO", |call| update(call, |images, part| images.update_outputs(part))),
+    Row::coded::<Update>(26, "UPDAT_PI", |call| update(call, |images, part| images.update_inputs(part))),
+    Row::coded::<Update>(27, "UPDAT_PO", |call| update(call, |images, part| images.update_outputs(part))),
 ];
 
 /// Partitions are 0 to 30.
 const PARTITIONS: u8 = 30;
 
-fn update(call: &mut Call<'_>, run: fn(&mut dyn Images, u8) -> Result<(), ImageError>) -> Done {
+fn update(call: &mut Call<'_>, run: fn(&mut dyn Images, u8) -> Result<(), ImageError>) -> Code {
     let part = call.byte(Update::PART);
-    let images = call.cx.images();
-    let result = if part > PARTITIONS { Err(ImageError::Partition) } else { run(images, part) };
-    if let Err(ImageError::Access(address)) = result {
-        call.set(Update::FLADDR, u32::from(address));
+    match if part > PARTITIONS { Err(ImageError::Partition) } else { run(call.cx.services(), part) } {
+        Ok(()) => Ok(0),
+        Err(ImageError::Partition) => Err(0x8090),
+        Err(ImageError::NotConfigured) => Err(0x8091),
+        Err(ImageError::Access(address)) => {
+            call.set(Update::FLADDR, u32::from(address));
+            Err(0x80A0)
+        }
     }
-    let code = match result {
-        Ok(()) => 0,
-        Err(ImageError::Partition) => 0x8090,
-        Err(ImageError::NotConfigured) => 0x8091,
-        Err(ImageError::Access(_)) => 0x80A0,
-    };
-    call.end(Update::RET_VAL, code)
 }
 
 #[cfg(test)]

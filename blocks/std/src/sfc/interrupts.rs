@@ -1,7 +1,6 @@
 //! SFC 39 DIS_IRT, SFC 40 EN_IRT, SFC 41 DIS_AIRT, SFC 42 EN_AIRT. ["Handling Interrupts and Asynchronous Errors"]
 
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
 use crate::row::Row;
 use crate::services::LockError;
@@ -10,33 +9,27 @@ params!(Irt { Input { MODE: BYTE, OB_NR: INT } Return { RET_VAL: INT } });
 params!(Airt { Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<Irt>(39, "DIS_IRT", |call| irt(call, true)),
-    Row::sfc::<Irt>(40, "EN_IRT", |call| irt(call, false)),
-    Row::sfc::<Airt>(41, "DIS_AIRT", |call| {
-        let locks = call.cx.interrupt_locks();
+    Row::coded::<Irt>(39, "DIS_IRT", |call| irt(call, true)),
+    Row::coded::<Irt>(40, "EN_IRT", |call| irt(call, false)),
+    Row::coded::<Airt>(41, "DIS_AIRT", |call| {
         // Fewer than 32768 delays in one OB: a nesting depth that no program reaches.
-        let delays = locks.delay().min(0x7FFF);
-        call.end(Airt::RET_VAL, delays)
+        Ok(call.cx.services().interrupt_locks().delay().min(0x7FFF))
     })
     .note("RET_VAL: the number of delays"),
-    Row::sfc::<Airt>(42, "EN_AIRT", |call| {
-        let locks = call.cx.interrupt_locks();
-        let code = locks.undelay().map_or(0x8080, |delays| delays.min(0x7FFF));
-        call.end(Airt::RET_VAL, code)
+    Row::coded::<Airt>(42, "EN_AIRT", |call| {
+        call.cx.services().interrupt_locks().undelay().map(|delays| delays.min(0x7FFF)).ok_or(0x8080)
     })
     .note("RET_VAL: the number of delays left"),
 ];
 
-fn irt(call: &mut Call<'_>, disable: bool) -> Done {
+fn irt(call: &mut Call<'_>, disable: bool) -> Code {
     let (mode, ob) = (call.byte(Irt::MODE), call.word(Irt::OB_NR));
-    let locks = call.cx.interrupt_locks();
-    let result = if disable { locks.disable(mode, ob) } else { locks.enable(mode, ob) };
-    let code = match result {
-        Ok(()) => 0,
-        Err(LockError::Ob) => 0x8090,
-        Err(LockError::Mode) => 0x8091,
-    };
-    call.end(Irt::RET_VAL, code)
+    let locks = call.cx.services().interrupt_locks();
+    match if disable { locks.disable(mode, ob) } else { locks.enable(mode, ob) } {
+        Ok(()) => Ok(0),
+        Err(LockError::Ob) => Err(0x8090),
+        Err(LockError::Mode) => Err(0x8091),
+    }
 }
 
 #[cfg(test)]

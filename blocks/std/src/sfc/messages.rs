@@ -1,42 +1,32 @@
 //! SFC 52 WR_USMSG: entries of the program in the diagnostic buffer. ["Diagnostics"]
 
-use crate::call::{Call, read_error};
+use crate::AnyType;
+use crate::call::{Call, Code, read_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::MessageError;
-use crate::{Abort, AnyType, Done};
 
 params!(WrUsMsg { Input { SEND: BOOL, EVENTN: WORD, INFO1: ANY, INFO2: ANY } Return { RET_VAL: INT } });
 
-pub(super) const ROWS: &[Row] = &[Row::sfc::<WrUsMsg>(52, "WR_USMSG", wr_usmsg).note("event classes 8, 9, A, B")];
+pub(super) const ROWS: &[Row] = &[Row::coded::<WrUsMsg>(52, "WR_USMSG", wr_usmsg).note("event classes 8, 9, A, B")];
 
 /// INFO1 is a word, INFO2 a double word, each in the forms the data types have.
-fn wr_usmsg(call: &mut Call<'_>) -> Done {
-    let code = user_message(call)?;
-    call.end(WrUsMsg::RET_VAL, code)
-}
-
-fn user_message(call: &mut Call<'_>) -> Result<u16, Abort> {
+fn wr_usmsg(call: &mut Call<'_>) -> Code {
     let (event, send) = (call.word(WrUsMsg::EVENTN), call.bool(WrUsMsg::SEND));
     if !(0x8..=0xB).contains(&(event >> 12)) {
-        return Ok(0x8085);
+        return Err(0x8085);
     }
     let (mut info1, mut info2) = ([0; 2], [0; 4]);
     let narrow = [AnyType::Word, AnyType::Int, AnyType::Byte, AnyType::Char];
     let wide =
         [AnyType::DWord, AnyType::DInt, AnyType::Real, AnyType::Time, AnyType::Word, AnyType::Byte, AnyType::Char];
-    if let Err(code) = info(call, WrUsMsg::INFO1, &narrow, &mut info1, [0x8083, 0x8086]) {
-        return Ok(code);
+    info(call, WrUsMsg::INFO1, &narrow, &mut info1, [0x8083, 0x8086])?;
+    info(call, WrUsMsg::INFO2, &wide, &mut info2, [0x8084, 0x8087])?;
+    match call.cx.services().user_message(event, &info1, &info2, send) {
+        Ok(()) => Ok(0),
+        Err(MessageError::NoStation) => Err(0x8091),
+        Err(MessageError::Full) => Err(0x8092),
     }
-    if let Err(code) = info(call, WrUsMsg::INFO2, &wide, &mut info2, [0x8084, 0x8087]) {
-        return Ok(code);
-    }
-    let messages = call.cx.messages();
-    Ok(match messages.user_message(event, &info1, &info2, send) {
-        Ok(()) => 0,
-        Err(MessageError::NoStation) => 0x8091,
-        Err(MessageError::Full) => 0x8092,
-    })
 }
 
 /// Reads additional information; an ANY that is NIL gives zeros. `codes`: of the type, of the length.

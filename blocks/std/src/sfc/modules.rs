@@ -1,10 +1,10 @@
 //! SFC 13 DPNRM_DG, SFC 14 DPRD_DAT, SFC 15 DPWR_DAT, SFC 58 WR_REC, SFC 59 RD_REC: data and records of modules.
 //! Modules answer in the same call, so that BUSY stays 0. ["Transferring Data Records", "Distributed I/Os"]
 
-use crate::call::{Call, read_error, write_error};
+use crate::Refused;
+use crate::call::{Call, Code, read_error, write_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
-use crate::{Done, Refused};
 
 params!(DpNrmDg { Input { REQ: BOOL, LADDR: WORD } Return { RET_VAL: INT } Output { RECORD: ANY, BUSY: BOOL } });
 params!(DpRdDat { Input { LADDR: WORD } Return { RET_VAL: INT } Output { RECORD: ANY } });
@@ -21,15 +21,17 @@ params!(RdRec {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<DpNrmDg>(13, "DPNRM_DG", dpnrm_dg).note("answers in the same call"),
-    Row::sfc::<DpRdDat>(14, "DPRD_DAT", dprd_dat).note("the whole inputs of a module"),
-    Row::sfc::<DpWrDat>(15, "DPWR_DAT", dpwr_dat).note("the whole outputs of a module"),
-    Row::sfc::<WrRec>(58, "WR_REC", wr_rec).note("answers in the same call"),
-    Row::sfc::<RdRec>(59, "RD_REC", rd_rec).note("answers in the same call"),
+    Row::asked::<DpNrmDg>(13, "DPNRM_DG", dpnrm_dg).note("answers in the same call"),
+    Row::coded::<DpRdDat>(14, "DPRD_DAT", dprd_dat).note("the whole inputs of a module"),
+    Row::coded::<DpWrDat>(15, "DPWR_DAT", dpwr_dat).note("the whole outputs of a module"),
+    Row::asked::<WrRec>(58, "WR_REC", |call| {
+        let to = (call.byte(WrRec::IOID), call.word(WrRec::LADDR), call.byte(WrRec::RECNUM));
+        send_record(call, to, WrRec::RECORD)
+    })
+    .note("answers in the same call"),
+    Row::asked::<RdRec>(59, "RD_REC", rd_rec).note("answers in the same call"),
 ];
 
-/// REQ is 0 and no job is under way.
-pub(super) const NO_JOB: u16 = 0x7000;
 /// No module has this logical address.
 pub(super) const NO_MODULE: u16 = 0x8090;
 
@@ -41,13 +43,7 @@ const DIAGNOSIS_HEAD: usize = 6;
 const DIAGNOSIS_BYTES: usize = 240;
 
 /// RET_VAL: how many bytes were handed over.
-fn dpnrm_dg(call: &mut Call<'_>) -> Done {
-    let code = if call.bool(DpNrmDg::REQ) { read_diagnosis(call).unwrap_or_else(|code| code) } else { NO_JOB };
-    call.set_bool(DpNrmDg::BUSY, false);
-    call.end(DpNrmDg::RET_VAL, code)
-}
-
-fn read_diagnosis(call: &mut Call<'_>) -> Result<u16, u16> {
+fn dpnrm_dg(call: &mut Call<'_>) -> Code {
     let address = u32::from(call.word(DpNrmDg::LADDR));
     call.cx.module(address).map_err(|_| NO_MODULE)?;
     let mut buffer = [0; 256];
@@ -65,12 +61,7 @@ fn read_diagnosis(call: &mut Call<'_>) -> Result<u16, u16> {
     Ok(len as u16)
 }
 
-fn dprd_dat(call: &mut Call<'_>) -> Done {
-    let code = read_inputs(call).err().unwrap_or(0);
-    call.end(DpRdDat::RET_VAL, code)
-}
-
-fn read_inputs(call: &mut Call<'_>) -> Result<(), u16> {
+fn dprd_dat(call: &mut Call<'_>) -> Code {
     let address = u32::from(call.word(DpRdDat::LADDR));
     let size = call.cx.module(address).map_err(|_| NO_MODULE)?;
     if size.inputs == 0 {
@@ -83,15 +74,11 @@ fn read_inputs(call: &mut Call<'_>) -> Result<(), u16> {
     let mut buffer = [0; 256];
     let buffer = &mut buffer[..bytes];
     call.cx.io_read(address, buffer).map_err(|_| 0x80A0u16)?;
-    call.write_at(&target, 0, buffer).map_err(|e| write_error(3, e))
+    call.write_at(&target, 0, buffer).map_err(|e| write_error(3, e))?;
+    Ok(0)
 }
 
-fn dpwr_dat(call: &mut Call<'_>) -> Done {
-    let code = write_outputs(call).err().unwrap_or(0);
-    call.end(DpWrDat::RET_VAL, code)
-}
-
-fn write_outputs(call: &mut Call<'_>) -> Result<(), u16> {
+fn dpwr_dat(call: &mut Call<'_>) -> Code {
     let address = u32::from(call.word(DpWrDat::LADDR));
     let size = call.cx.module(address).map_err(|_| NO_MODULE)?;
     if size.outputs == 0 {
@@ -104,7 +91,8 @@ fn write_outputs(call: &mut Call<'_>) -> Result<(), u16> {
     let mut buffer = [0; 256];
     let buffer = &mut buffer[..bytes];
     call.read_at(&source, 0, buffer).map_err(|e| read_error(2, e))?;
-    call.cx.io_write(address, buffer).map_err(|_| 0x80A1u16)
+    call.cx.io_write(address, buffer).map_err(|_| 0x80A1u16)?;
+    Ok(0)
 }
 
 /// The code of a module's refusal; `access` is that of one that does not answer.
@@ -123,20 +111,9 @@ pub(super) const fn is_io(id: u8) -> bool {
     matches!(id, 0x54 | 0x55)
 }
 
-fn wr_rec(call: &mut Call<'_>) -> Done {
-    let code = if call.bool(WrRec::REQ) {
-        let to = (call.byte(WrRec::IOID), call.word(WrRec::LADDR), call.byte(WrRec::RECNUM));
-        send_record(call, to, WrRec::RECORD).err().unwrap_or(0)
-    } else {
-        NO_JOB
-    };
-    call.set_bool(WrRec::BUSY, false);
-    call.end(WrRec::RET_VAL, code)
-}
-
 /// Sends what RECORD names to a module as the record (IOID, LADDR, RECNUM). SFC 58 and SFC 55 do the same here: a
 /// module has no parameters that are static.
-pub(super) fn send_record(call: &mut Call<'_>, to: (u8, u16, u8), record: impl Params) -> Result<(), u16> {
+pub(super) fn send_record(call: &mut Call<'_>, to: (u8, u16, u8), record: impl Params) -> Code {
     let (area, address, number) = to;
     if !is_io(area) {
         return Err(NO_MODULE);
@@ -149,17 +126,12 @@ pub(super) fn send_record(call: &mut Call<'_>, to: (u8, u16, u8), record: impl P
     let mut buffer = [0; 256];
     let buffer = &mut buffer[..bytes];
     call.read_at(&source, 0, buffer).map_err(|e| read_error(record.index() + 1, e))?;
-    call.cx.record_write(u32::from(address), number, buffer).map_err(|e| refusal(e, 0x80A1))
+    call.cx.record_write(u32::from(address), number, buffer).map_err(|e| refusal(e, 0x80A1))?;
+    Ok(0)
 }
 
 /// RET_VAL: 0 when the record fills RECORD, else the record's length.
-fn rd_rec(call: &mut Call<'_>) -> Done {
-    let code = if call.bool(RdRec::REQ) { read_record(call).unwrap_or_else(|code| code) } else { NO_JOB };
-    call.set_bool(RdRec::BUSY, false);
-    call.end(RdRec::RET_VAL, code)
-}
-
-fn read_record(call: &mut Call<'_>) -> Result<u16, u16> {
+fn rd_rec(call: &mut Call<'_>) -> Code {
     let (address, number) = (u32::from(call.word(RdRec::LADDR)), call.byte(RdRec::RECNUM));
     if !is_io(call.byte(RdRec::IOID)) {
         return Err(NO_MODULE);

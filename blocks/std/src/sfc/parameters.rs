@@ -1,9 +1,8 @@
 //! SFC 55 WR_PARM, SFC 56 WR_DPARM, SFC 57 PARM_MOD: parameter records of modules; SFC 11 DPSYC_FR and SFC 12 D_ACT_DP,
 //! which need a DP master system. ["Transferring Data Records", "Distributed I/Os"]
 
-use super::modules::{NO_JOB, NO_MODULE, is_io, send_record};
-use crate::Done;
-use crate::call::Call;
+use super::modules::{NO_MODULE, is_io, send_record};
+use crate::call::{Call, Code};
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::Placed;
@@ -23,11 +22,21 @@ params!(DpSycFr { Input { REQ: BOOL, LADDR: WORD, GROUP: BYTE, MODE: BYTE } Retu
 params!(DActDp { Input { REQ: BOOL, MODE: BYTE, LADDR: WORD } Return { RET_VAL: INT } Output { BUSY: BOOL } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<DpSycFr>(11, "DPSYC_FR", dpsyc_fr).note("8093h: the masters of buses have neither SYNC nor FREEZE"),
-    Row::sfc::<DActDp>(12, "D_ACT_DP", d_act_dp).note("slaves are always active"),
-    Row::sfc::<WrParm>(55, "WR_PARM", wr_parm).note("answers in the same call"),
-    Row::sfc::<WrDparm>(56, "WR_DPARM", wr_dparm).note("80D1h: a station file configures no records by number"),
-    Row::sfc::<ParmMod>(57, "PARM_MOD", parm_mod).note("80D2h: a module has its parameters from the station file"),
+    Row::asked::<DpSycFr>(11, "DPSYC_FR", |call| {
+        let address = call.word(DpSycFr::LADDR);
+        Err(if station_at(call, address).is_some() { NOT_PERMITTED } else { NO_MODULE })
+    })
+    .note("8093h: the masters of buses have neither SYNC nor FREEZE"),
+    Row::asked::<DActDp>(12, "D_ACT_DP", d_act_dp).note("slaves are always active"),
+    Row::asked::<WrParm>(55, "WR_PARM", |call| {
+        let to = (call.byte(WrParm::IOID), call.word(WrParm::LADDR), call.byte(WrParm::RECNUM));
+        send_record(call, to, WrParm::RECORD)
+    })
+    .note("answers in the same call"),
+    Row::asked::<WrDparm>(56, "WR_DPARM", |call| configured(call, WrDparm::IOID, WrDparm::LADDR, NOT_CONFIGURED))
+        .note("80D1h: a station file configures no records by number"),
+    Row::asked::<ParmMod>(57, "PARM_MOD", |call| configured(call, ParmMod::IOID, ParmMod::LADDR, NO_PARAMETERS))
+        .note("80D2h: a module has its parameters from the station file"),
 ];
 
 /// The master has no such function, or there is no such mode.
@@ -37,61 +46,26 @@ const NOT_CONFIGURED: u16 = 0x80D1;
 /// The module cannot be given parameters.
 const NO_PARAMETERS: u16 = 0x80D2;
 
-/// Ends a block that answers at once: BUSY is 0; without REQ there is no job.
-fn at_once(call: &mut Call<'_>, req: impl Params, busy: impl Params, ret_val: impl Params, code: u16) -> Done {
-    let asked = call.bool(req);
-    call.set_bool(busy, false);
-    call.end(ret_val, if asked { code } else { NO_JOB })
-}
-
 /// The distributed module at an address.
 fn station_at(call: &mut Call<'_>, address: u16) -> Option<Placed> {
-    call.cx.rack().module_with(address, false).filter(|placed| placed.master != 0)
+    call.cx.services().module_with(address, false).filter(|placed| placed.master != 0)
 }
 
-fn dpsyc_fr(call: &mut Call<'_>) -> Done {
-    let address = call.word(DpSycFr::LADDR);
-    let code = if station_at(call, address).is_some() { NOT_PERMITTED } else { NO_MODULE };
-    at_once(call, DpSycFr::REQ, DpSycFr::BUSY, DpSycFr::RET_VAL, code)
-}
-
-fn d_act_dp(call: &mut Call<'_>) -> Done {
+fn d_act_dp(call: &mut Call<'_>) -> Code {
     let (address, mode) = (call.word(DActDp::LADDR), call.byte(DActDp::MODE));
-    let code = match (station_at(call, address), mode) {
-        (None, _) => NO_MODULE,
+    match (station_at(call, address), mode) {
+        (None, _) => Err(NO_MODULE),
         // Is it active? It is.
-        (Some(_), 0) => 0x0001,
-        (Some(_), 1) => 0,
-        (Some(_), _) => NOT_PERMITTED,
-    };
-    at_once(call, DActDp::REQ, DActDp::BUSY, DActDp::RET_VAL, code)
-}
-
-fn wr_parm(call: &mut Call<'_>) -> Done {
-    let code = if call.bool(WrParm::REQ) {
-        let to = (call.byte(WrParm::IOID), call.word(WrParm::LADDR), call.byte(WrParm::RECNUM));
-        send_record(call, to, WrParm::RECORD).err().unwrap_or(0)
-    } else {
-        NO_JOB
-    };
-    call.set_bool(WrParm::BUSY, false);
-    call.end(WrParm::RET_VAL, code)
+        (Some(_), 0) => Ok(0x0001),
+        (Some(_), 1) => Ok(0),
+        (Some(_), _) => Err(NOT_PERMITTED),
+    }
 }
 
 /// NO_MODULE for an address without a module, else the module's answer.
-fn configured(call: &mut Call<'_>, area: impl Params, address: impl Params, there: u16) -> u16 {
+fn configured(call: &mut Call<'_>, area: impl Params, address: impl Params, there: u16) -> Code {
     let address = u32::from(call.word(address));
-    if is_io(call.byte(area)) && call.cx.module(address).is_ok() { there } else { NO_MODULE }
-}
-
-fn wr_dparm(call: &mut Call<'_>) -> Done {
-    let code = configured(call, WrDparm::IOID, WrDparm::LADDR, NOT_CONFIGURED);
-    at_once(call, WrDparm::REQ, WrDparm::BUSY, WrDparm::RET_VAL, code)
-}
-
-fn parm_mod(call: &mut Call<'_>) -> Done {
-    let code = configured(call, ParmMod::IOID, ParmMod::LADDR, NO_PARAMETERS);
-    at_once(call, ParmMod::REQ, ParmMod::BUSY, ParmMod::RET_VAL, code)
+    Err(if is_io(call.byte(area)) && call.cx.module(address).is_ok() { there } else { NO_MODULE })
 }
 
 #[cfg(test)]

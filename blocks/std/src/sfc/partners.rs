@@ -1,9 +1,7 @@
 //! SFC 72 I_GET, SFC 73 I_PUT, SFC 74 I_ABORT: data of a communication partner inside the station. No module of ours is
 //! one. ["S7 Communication over Non-Configured Connections"]
 
-use crate::Done;
-use crate::call::Call;
-use crate::declare::{Params, params};
+use crate::declare::params;
 use crate::row::Row;
 
 params!(IGet {
@@ -19,19 +17,15 @@ params!(IPut {
 params!(IAbort { Input { REQ: BOOL, IOID: BYTE, LADDR: WORD } Return { RET_VAL: INT } Output { BUSY: BOOL } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<IGet>(72, "I_GET", |call| nobody(call, IGet::REQ, IGet::BUSY, IGet::RET_VAL)).note(NOBODY),
-    Row::sfc::<IPut>(73, "I_PUT", |call| nobody(call, IPut::REQ, IPut::BUSY, IPut::RET_VAL)).note(NOBODY),
-    Row::sfc::<IAbort>(74, "I_ABORT", |call| nobody(call, IAbort::REQ, IAbort::BUSY, IAbort::RET_VAL)).note(NOBODY),
+    Row::asked::<IGet>(72, "I_GET", |_| Err(NO_PARTNER)).note(NOBODY),
+    Row::asked::<IPut>(73, "I_PUT", |_| Err(NO_PARTNER)).note(NOBODY),
+    Row::asked::<IAbort>(74, "I_ABORT", |_| Err(NO_PARTNER)).note(NOBODY),
 ];
 
 const NOBODY: &str = "always 8090h: no module is a communication partner";
 
 /// The address is that of no communication partner.
-fn nobody(call: &mut Call<'_>, req: impl Params, busy: impl Params, ret_val: impl Params) -> Done {
-    let asked = call.bool(req);
-    call.set_bool(busy, false);
-    call.end(ret_val, if asked { 0x8090 } else { 0x7000 })
-}
+const NO_PARTNER: u16 = 0x8090;
 
 #[cfg(test)]
 mod tests {

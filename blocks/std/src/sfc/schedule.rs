@@ -4,9 +4,8 @@
 use ob1_model::moment::Moment;
 use ob1_time::Span;
 
-use crate::Done;
-use crate::call::Call;
-use crate::declare::{Params, params};
+use crate::call::{Call, Code};
+use crate::declare::params;
 use crate::row::Row;
 use crate::services::{Period, Schedule};
 
@@ -16,13 +15,14 @@ params!(Query { Input { OB_NR: INT } Return { RET_VAL: INT } Output { STATUS: WO
 params!(SrtDint { Input { OB_NR: INT, DTIME: TIME, SIGN: WORD } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).note("seconds of SDT count as 0; PERIOD 1201h and 1202h: every week"),
-    Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)),
-    Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)),
-    Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)),
-    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint).note("1 to 60000 ms; a new call starts the delay again"),
-    Row::sfc::<Ob>(33, "CAN_DINT", |call| on_ob(call, Ob::RET_VAL, can_dint)),
-    Row::sfc::<Query>(34, "QRY_DINT", |call| query(call, dint_state)),
+    Row::coded::<SetTint>(28, "SET_TINT", set_tint)
+        .note("seconds of SDT count as 0; PERIOD 1201h and 1202h: every week"),
+    Row::coded::<Ob>(29, "CAN_TINT", |call| on_ob(call, can_tint)),
+    Row::coded::<Ob>(30, "ACT_TINT", |call| on_ob(call, act_tint)),
+    Row::coded::<Query>(31, "QRY_TINT", |call| query(call, tint_state)),
+    Row::coded::<SrtDint>(32, "SRT_DINT", srt_dint).note("1 to 60000 ms; a new call starts the delay again"),
+    Row::coded::<Ob>(33, "CAN_DINT", |call| on_ob(call, can_dint)),
+    Row::coded::<Query>(34, "QRY_DINT", |call| query(call, dint_state)),
 ];
 
 /// OB_NR names no interrupt this CPU has.
@@ -37,59 +37,45 @@ const LOCKED: u16 = 1 << 1;
 const ACTIVE: u16 = 1 << 2;
 const LOADED: u16 = 1 << 4;
 
-fn set_tint(call: &mut Call<'_>) -> Done {
+fn set_tint(call: &mut Call<'_>) -> Code {
     let (ob, sdt, period) = (call.word(SetTint::OB_NR), call.dt(SetTint::SDT), call.word(SetTint::PERIOD));
-    let schedule = call.cx.schedule();
+    let schedule = call.cx.services();
     let now = schedule.moment();
+    let interrupt = schedule.time_of_day(ob).ok_or(WRONG_OB)?;
     let start = Moment::from_bytes(sdt).ok().and_then(|m| Moment::from_ms(m.ms() - m.ms() % 60_000));
-    let code = match (schedule.time_of_day(ob), start, Period::from_word(period)) {
-        (None, ..) => WRONG_OB,
-        (_, None, _) => 0x8091,
-        (.., None) => 0x8092,
-        (Some(_), Some(start), Some(Period::Once)) if start < now => PAST,
-        (Some(interrupt), Some(start), Some(period)) => {
-            interrupt.set = Some((start, period));
-            (interrupt.active, interrupt.withdrawn) = (false, true);
-            0
-        }
-    };
-    call.end(SetTint::RET_VAL, code)
+    let start = start.ok_or(0x8091_u16)?;
+    let period = Period::from_word(period).ok_or(0x8092_u16)?;
+    if period == Period::Once && start < now {
+        return Err(PAST);
+    }
+    interrupt.set = Some((start, period));
+    (interrupt.active, interrupt.withdrawn) = (false, true);
+    Ok(0)
 }
 
 /// A block whose only input is OB_NR.
-fn on_ob(call: &mut Call<'_>, ret_val: impl Params, run: fn(&mut dyn Schedule, u16) -> u16) -> Done {
+fn on_ob(call: &mut Call<'_>, run: fn(&mut dyn Schedule, u16) -> Code) -> Code {
     let ob = call.word(Ob::OB_NR);
-    let schedule = call.cx.schedule();
-    let code = run(schedule, ob);
-    call.end(ret_val, code)
+    run(call.cx.services(), ob)
 }
 
 /// What was set is forgotten.
-fn can_tint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
-    match schedule.time_of_day(ob) {
-        None => WRONG_OB,
-        Some(interrupt) if interrupt.set.is_none() => NOT_SET,
-        Some(interrupt) => {
-            interrupt.set = None;
-            (interrupt.active, interrupt.withdrawn) = (false, true);
-            0
-        }
-    }
+fn can_tint(schedule: &mut dyn Schedule, ob: u16) -> Code {
+    let interrupt = schedule.time_of_day(ob).ok_or(WRONG_OB)?;
+    interrupt.set.take().ok_or(NOT_SET)?;
+    (interrupt.active, interrupt.withdrawn) = (false, true);
+    Ok(0)
 }
 
-fn act_tint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
+fn act_tint(schedule: &mut dyn Schedule, ob: u16) -> Code {
     let now = schedule.moment();
-    match schedule.time_of_day(ob) {
-        None => WRONG_OB,
-        Some(interrupt) => match interrupt.set {
-            None => NOT_SET,
-            Some((start, Period::Once)) if start < now => PAST,
-            Some(_) => {
-                interrupt.active = true;
-                0
-            }
-        },
+    let interrupt = schedule.time_of_day(ob).ok_or(WRONG_OB)?;
+    let (start, period) = interrupt.set.ok_or(NOT_SET)?;
+    if period == Period::Once && start < now {
+        return Err(PAST);
     }
+    interrupt.active = true;
+    Ok(0)
 }
 
 /// STATUS of an interrupt: activated, loaded.
@@ -103,42 +89,31 @@ fn dint_state(schedule: &mut dyn Schedule, ob: u16) -> Option<(bool, bool)> {
     schedule.delay(ob).map(|interrupt| (interrupt.due.is_some(), interrupt.loaded))
 }
 
-fn query(call: &mut Call<'_>, state: State) -> Done {
+fn query(call: &mut Call<'_>, state: State) -> Code {
     let ob = call.word(Query::OB_NR);
-    let locked = call.cx.interrupt_locks().is_disabled(ob);
-    let schedule = call.cx.schedule();
-    let state = state(schedule, ob);
+    let locked = call.cx.services().interrupt_locks().is_disabled(ob);
+    let state = state(call.cx.services(), ob);
     let status = state.map_or(0, |(active, loaded)| {
         let bits = [(locked, LOCKED), (active, ACTIVE), (loaded, LOADED)];
         bits.into_iter().filter(|(set, _)| *set).fold(0, |status, (_, bit)| status | bit)
     });
     call.set(Query::STATUS, u32::from(status));
-    call.end(Query::RET_VAL, if state.is_some() { 0 } else { WRONG_OB })
+    if state.is_some() { Ok(0) } else { Err(WRONG_OB) }
 }
 
-fn srt_dint(call: &mut Call<'_>) -> Done {
+fn srt_dint(call: &mut Call<'_>) -> Code {
     let (ob, delay, sign) = (call.word(SrtDint::OB_NR), call.raw(SrtDint::DTIME), call.word(SrtDint::SIGN));
     let now = call.cx.now();
-    let schedule = call.cx.schedule();
-    let code = match schedule.delay(ob) {
-        None => WRONG_OB,
-        Some(_) if !(1..=60_000).contains(&delay) => 0x8091,
-        Some(interrupt) => {
-            interrupt.due = Some((now.saturating_add(Span::MILLISECOND * u64::from(delay)), delay, sign));
-            0
-        }
-    };
-    call.end(SrtDint::RET_VAL, code)
+    let interrupt = call.cx.services().delay(ob).ok_or(WRONG_OB)?;
+    if !(1..=60_000).contains(&delay) {
+        return Err(0x8091);
+    }
+    interrupt.due = Some((now.saturating_add(Span::MILLISECOND * u64::from(delay)), delay, sign));
+    Ok(0)
 }
 
-fn can_dint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
-    match schedule.delay(ob) {
-        None => WRONG_OB,
-        Some(interrupt) => match interrupt.due.take() {
-            Some(_) => 0,
-            None => NOT_SET,
-        },
-    }
+fn can_dint(schedule: &mut dyn Schedule, ob: u16) -> Code {
+    schedule.delay(ob).ok_or(WRONG_OB)?.due.take().map(|_| 0).ok_or(NOT_SET)
 }
 
 #[cfg(test)]

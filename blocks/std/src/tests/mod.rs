@@ -419,9 +419,6 @@ impl Meters for Station {
 
 /// OB 10 and OB 20 exist.
 impl Schedule for Station {
-    fn moment(&mut self) -> Moment {
-        self.moment
-    }
     fn time_of_day(&mut self, ob: u16) -> Option<&mut TimeOfDayInterrupt> {
         (ob == 10).then_some(&mut self.time_of_day)
     }

@@ -2,10 +2,9 @@
 
 use ob1_model::BlockKind::Fb;
 
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
-use crate::row::{Origin, Row};
+use crate::row::Row;
 
 params!(LeadLag {
     Input { IN: REAL, SAMPLE_T: INT }
@@ -13,14 +12,14 @@ params!(LeadLag {
     Static { LD_TIME: REAL, LG_TIME: REAL, GAIN: REAL, PREV_IN: REAL, PREV_OUT: REAL }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<LeadLag>(Origin::TiS7, Fb, 80, "LEAD_LAG", lead_lag)];
+pub(super) const ROWS: &[Row] = &[Row::ti::<LeadLag>(Fb, 80, "LEAD_LAG", lead_lag)];
 
 /// `OUT = (LG * PREV_OUT + GAIN * ((LD + T) * IN - LD * PREV_IN)) / (LG + T)`.
-fn lead_lag(call: &mut Call<'_>) -> Done {
+fn lead_lag(call: &mut Call<'_>) -> Code {
     let gain = call.real(LeadLag::GAIN);
     // A gain that is not a number is not above 0 either.
     if gain.is_nan() || gain <= 0.0 {
-        return call_end(call, 0x0009);
+        return Err(0x0009);
     }
     let (input, time) = (call.real(LeadLag::IN), f32::from(call.int(LeadLag::SAMPLE_T)));
     let (lead, lag) = (call.real(LeadLag::LD_TIME), call.real(LeadLag::LG_TIME));
@@ -29,12 +28,7 @@ fn lead_lag(call: &mut Call<'_>) -> Done {
     for (p, value) in [(LeadLag::OUT, out), (LeadLag::PREV_IN, input), (LeadLag::PREV_OUT, out)] {
         call.set_real(p, value);
     }
-    call_end(call, 0)
-}
-
-fn call_end(call: &mut Call<'_>, code: u32) -> Done {
-    call.set(LeadLag::ERR_CODE, code);
-    call.br(code == 0)
+    Ok(0)
 }
 
 #[cfg(test)]

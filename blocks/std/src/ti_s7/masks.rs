@@ -2,10 +2,9 @@
 
 use ob1_model::BlockKind::Fb;
 
-use crate::Done;
-use crate::call::Call;
-use crate::declare::{Declared, Params, params};
-use crate::row::{Origin, Row};
+use crate::call::{Call, Code};
+use crate::declare::{At, Params, params};
+use crate::row::Row;
 
 params!(Imc {
     Input {
@@ -26,30 +25,17 @@ params!(Smc {
     Static { LAST: BYTE, CMP_VAL: MASKS16 }
 });
 
-pub(super) const ROWS: &[Row] = &[
-    Row::new::<Imc>(Origin::TiS7, Fb, 83, "IMC", imc),
-    Row::new::<Smc>(Origin::TiS7, Fb, 84, "SMC", smc).note("begins with mask 0"),
-];
+pub(super) const ROWS: &[Row] =
+    &[Row::ti::<Imc>(Fb, 83, "IMC", imc), Row::ti::<Smc>(Fb, 84, "SMC", smc).note("begins with mask 0")];
 
 /// CMP_STEP is above 15.
 const BAD_STEP: u16 = 0x000A;
 /// LAST is above 15.
 const BAD_LAST: u16 = 0x000E;
 
-/// A parameter by its index: the bits lie one after the other.
-#[derive(Clone, Copy)]
-struct Bit(u32);
-
-impl Params for Bit {
-    const DECLARED: &'static [Declared] = Imc::DECLARED;
-    fn index(self) -> u32 {
-        self.0
-    }
-}
-
 /// The sixteen inputs, which come first in both blocks.
 fn inputs(call: &mut Call<'_>) -> u16 {
-    (0..16).fold(0, |bits, bit| bits | u16::from(call.bool(Bit(bit))) << bit)
+    (0..16).fold(0, |bits, bit| bits | u16::from(call.bool(At(bit))) << bit)
 }
 
 /// The mask of a step; element 0 is the lowest bit of the first byte.
@@ -61,30 +47,26 @@ fn mask(call: &mut Call<'_>, masks: impl Params, step: u8) -> u16 {
     u16::from_le_bytes(bytes)
 }
 
-fn imc(call: &mut Call<'_>) -> Done {
+fn imc(call: &mut Call<'_>) -> Code {
     let step = call.byte(Imc::CMP_STEP);
     if step > 15 {
-        call.set(Imc::ERR_CODE, u32::from(BAD_STEP));
-        return call.br(false);
+        return Err(BAD_STEP);
     }
     let equal = inputs(call) == mask(call, Imc::CMP_VAL, step);
     call.set_bool(Imc::OUT, equal);
-    call.set(Imc::ERR_CODE, 0);
-    call.br(true)
+    Ok(0)
 }
 
-fn smc(call: &mut Call<'_>) -> Done {
+fn smc(call: &mut Call<'_>) -> Code {
     let last = call.byte(Smc::LAST);
     if last > 15 {
-        call.set(Smc::ERR_CODE, u32::from(BAD_LAST));
-        return call.br(false);
+        return Err(BAD_LAST);
     }
     let bits = inputs(call);
     let found = (0..=last).find(|step| mask(call, Smc::CMP_VAL, *step) == bits);
     call.set_bool(Smc::OUT, found.is_some());
     call.set(Smc::OUT_STEP, u32::from(found.unwrap_or(last + 1)));
-    call.set(Smc::ERR_CODE, 0);
-    call.br(true)
+    Ok(0)
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use ob1_model::BitAddr;
 use ob1_model::BlockKind::Fb;
 
 use super::place::Place;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::params;
-use crate::row::{Origin, Row};
+use crate::row::Row;
 use crate::{AnyPointer, AnyType};
 
 params!(Pack {
@@ -15,11 +15,7 @@ params!(Pack {
     Static { DIR: BOOL }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<Pack>(Origin::TiS7, Fb, 86, "PACK", |call| {
-    let code = pack(call).err().unwrap_or(0);
-    call.set(Pack::ERR_CODE, u32::from(code));
-    call.br(code == 0)
-})];
+pub(super) const ROWS: &[Row] = &[Row::ti::<Pack>(Fb, 86, "PACK", pack)];
 
 /// A parameter names memory that cannot be used.
 const MEMORY: u16 = 0x0001;
@@ -37,7 +33,7 @@ const fn element(ty: AnyType) -> Option<(u32, u32)> {
     })
 }
 
-fn pack(call: &mut Call<'_>) -> Result<(), u16> {
+fn pack(call: &mut Call<'_>) -> Code {
     let table = Place::of(call, Pack::TABLE).ok_or(MEMORY)?;
     let from_table = call.bool(Pack::DIR);
     // The next bit of the table, from its first byte on.
@@ -55,7 +51,8 @@ fn pack(call: &mut Call<'_>) -> Result<(), u16> {
         next += u32::from(any.count) * bits;
     }
     let end = next.next_multiple_of(8);
-    fill(call, table, next..end, from_table)
+    fill(call, table, next..end, from_table)?;
+    Ok(0)
 }
 
 /// Unused bits of the table become 0.

@@ -2,10 +2,9 @@
 
 use ob1_model::BlockKind::Fc;
 
-use crate::Done;
-use crate::call::{Call, is_invalid};
+use crate::call::{Call, Code, is_invalid};
 use crate::declare::params;
-use crate::row::{Origin, Row};
+use crate::row::Row;
 
 params!(Scale {
     Input { IN: INT, HI_LIM: REAL, LO_LIM: REAL, BIPOLAR: BOOL }
@@ -19,13 +18,13 @@ params!(Unscale {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::new::<Scale>(Origin::TiS7, Fc, 105, "SCALE", scale).note("outside its range: the limit, RET_VAL 0008h, BR 0"),
-    Row::new::<Unscale>(Origin::TiS7, Fc, 106, "UNSCALE", unscale)
+    Row::ti::<Scale>(Fc, 105, "SCALE", scale).note("outside its range: the limit, RET_VAL 0008h, BR 0"),
+    Row::ti::<Unscale>(Fc, 106, "UNSCALE", unscale)
         .note("outside its range: the limit, RET_VAL 0008h, BR 0; rounded to the nearest"),
 ];
 
 /// RET_VAL when the input is out of range.
-const OUT_OF_RANGE: u32 = 0x0008;
+const OUT_OF_RANGE: u16 = 0x0008;
 /// Nominal range of an analog value.
 const K2: f32 = 27_648.0;
 
@@ -35,7 +34,7 @@ const fn k1(bipolar: bool) -> f32 {
 }
 
 /// `OUT = (IN - K1) / (K2 - K1) * (HI_LIM - LO_LIM) + LO_LIM`. LO_LIM above HI_LIM is permitted: it falls then.
-fn scale(call: &mut Call<'_>) -> Done {
+fn scale(call: &mut Call<'_>) -> Code {
     let (input, high, low) = (f32::from(call.int(Scale::IN)), call.real(Scale::HI_LIM), call.real(Scale::LO_LIM));
     let k1 = k1(call.bool(Scale::BIPOLAR));
     let (out, good) = if input > K2 {
@@ -46,12 +45,11 @@ fn scale(call: &mut Call<'_>) -> Done {
         ((input - k1) / (K2 - k1) * (high - low) + low, true)
     };
     call.set_real(Scale::OUT, out);
-    call.set(Scale::RET_VAL, if good { 0 } else { OUT_OF_RANGE });
-    call.br(good)
+    if good { Ok(0) } else { Err(OUT_OF_RANGE) }
 }
 
 /// `OUT = (IN - LO_LIM) / (HI_LIM - LO_LIM) * (K2 - K1) + K1`.
-fn unscale(call: &mut Call<'_>) -> Done {
+fn unscale(call: &mut Call<'_>) -> Code {
     let (input, high, low) = (call.real(Unscale::IN), call.real(Unscale::HI_LIM), call.real(Unscale::LO_LIM));
     let k1 = k1(call.bool(Unscale::BIPOLAR));
     let part = (input - low) / (high - low);
@@ -60,8 +58,7 @@ fn unscale(call: &mut Call<'_>) -> Done {
     let part = if is_invalid(part) { 0.0 } else { part.clamp(0.0, 1.0) };
     let out = (part * (K2 - k1) + k1).round_ties_even();
     call.set_int(Unscale::OUT, out as i16);
-    call.set(Unscale::RET_VAL, if inside { 0 } else { OUT_OF_RANGE });
-    call.br(inside)
+    if inside { Ok(0) } else { Err(OUT_OF_RANGE) }
 }
 
 #[cfg(test)]

@@ -3,10 +3,9 @@
 use ob1_model::BlockKind::Fc;
 
 use super::place::{Element, Place};
-use crate::Done;
-use crate::call::Call;
+use crate::call::{Call, Code};
 use crate::declare::{Params, params};
-use crate::row::{Origin, Row};
+use crate::row::Row;
 
 params!(Dev { Input { TBL: POINTER, OUT: POINTER, E_TYPE: BYTE } Return { RET_VAL: WORD } });
 params!(Cdt {
@@ -19,18 +18,9 @@ params!(TblTbl {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::new::<Dev>(Origin::TiS7, Fc, 102, "DEV", |call| {
-        let code = dev(call).err().unwrap_or(0);
-        end(call, Dev::RET_VAL, code)
-    }),
-    Row::new::<Cdt>(Origin::TiS7, Fc, 103, "CDT", |call| {
-        let code = cdt(call).err().unwrap_or(0);
-        end(call, Cdt::RET_VAL, code)
-    }),
-    Row::new::<TblTbl>(Origin::TiS7, Fc, 104, "TBL_TBL", |call| {
-        let code = tbl_tbl(call).err().unwrap_or(0);
-        end(call, TblTbl::RET_VAL, code)
-    }),
+    Row::ti::<Dev>(Fc, 102, "DEV", dev),
+    Row::ti::<Cdt>(Fc, 103, "CDT", cdt),
+    Row::ti::<TblTbl>(Fc, 104, "TBL_TBL", tbl_tbl),
 ];
 
 /// A parameter names memory that cannot be used.
@@ -47,11 +37,6 @@ const MISMATCH: u16 = 0x0005;
 const COMMAND: u16 = 0x0006;
 /// No entry is as large as the value.
 const TOO_LARGE: u16 = 0x0007;
-
-fn end(call: &mut Call<'_>, ret_val: impl Params, code: u16) -> Done {
-    call.set(ret_val, u32::from(code));
-    call.br(code == 0)
-}
 
 fn place(call: &mut Call<'_>, p: impl Params) -> Result<Place, u16> {
     Place::of(call, p).ok_or(MEMORY)
@@ -73,7 +58,7 @@ fn length(call: &mut Call<'_>, table: Place) -> Result<u32, u16> {
 }
 
 /// The root of (sum of squares - square of the sum / n) / (n - 1).
-fn dev(call: &mut Call<'_>) -> Result<(), u16> {
+fn dev(call: &mut Call<'_>) -> Code {
     let element = number(call, Dev::E_TYPE)?;
     let (table, out) = (place(call, Dev::TBL)?, place(call, Dev::OUT)?);
     let count = length(call, table)?;
@@ -85,11 +70,11 @@ fn dev(call: &mut Call<'_>) -> Result<(), u16> {
     }
     let n = f64::from(count);
     let deviation = if count == 1 { 0.0 } else { ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt() };
-    element.put(call, out, 0, element.bits_of(deviation)).map_err(|_| MEMORY)
+    element.put(call, out, 0, element.bits_of(deviation)).map_or(Err(MEMORY), |()| Ok(0))
 }
 
 /// The entry of the second table that belongs to the first entry of the first which is not smaller than the value.
-fn cdt(call: &mut Call<'_>) -> Result<(), u16> {
+fn cdt(call: &mut Call<'_>) -> Code {
     let element = number(call, Cdt::E_TYPE)?;
     let (from, to) = (place(call, Cdt::IN_TBL)?, place(call, Cdt::OUT_TBL)?);
     let (input, out) = (place(call, Cdt::IN)?, place(call, Cdt::OUT)?);
@@ -102,14 +87,14 @@ fn cdt(call: &mut Call<'_>) -> Result<(), u16> {
         let at = element.entry(number);
         if element.value(element.get(call, from, at).map_err(|_| MEMORY)?) >= wanted {
             let value = element.get(call, to, at).map_err(|_| MEMORY)?;
-            return element.put(call, out, 0, value).map_err(|_| MEMORY);
+            return element.put(call, out, 0, value).map_or(Err(MEMORY), |()| Ok(0));
         }
     }
     Err(TOO_LARGE)
 }
 
 /// CMD: 7 AND, 8 OR, 9 XOR, 0Ah add, 0Bh subtract, 0Ch multiply, 0Dh divide, entry by entry.
-fn tbl_tbl(call: &mut Call<'_>) -> Result<(), u16> {
+fn tbl_tbl(call: &mut Call<'_>) -> Code {
     let element = Element::of(call.byte(TblTbl::E_TYPE)).filter(|e| *e != Element::Byte).ok_or(TYPE)?;
     let command = call.byte(TblTbl::CMD);
     match command {
@@ -142,7 +127,7 @@ fn tbl_tbl(call: &mut Call<'_>) -> Result<(), u16> {
         };
         element.put(call, to, at, result).map_err(|_| MEMORY)?;
     }
-    Ok(())
+    Ok(0)
 }
 
 #[cfg(test)]

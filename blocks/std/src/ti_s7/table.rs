@@ -5,8 +5,8 @@ use ob1_model::BlockKind::Fc;
 
 use super::place::{Element, Place};
 use crate::Done;
-use crate::call::Call;
-use crate::declare::{Params, params};
+use crate::call::{Call, Code};
+use crate::declare::params;
 use crate::row::{Origin, Row};
 
 params!(Att { Input { DATA: WORD, TABLE: POINTER } });
@@ -33,11 +33,11 @@ params!(WrdTbl {
 pub(super) const ROWS: &[Row] = &[
     Row::new::<Att>(Origin::TiS7, Fc, 84, "ATT", att),
     Row::new::<Take>(Origin::TiS7, Fc, 85, "FIFO", |call| take(call, true)),
-    Row::new::<TblFind>(Origin::TiS7, Fc, 86, "TBL_FIND", tbl_find),
+    Row::ti::<TblFind>(Fc, 86, "TBL_FIND", tbl_find),
     Row::new::<Take>(Origin::TiS7, Fc, 87, "LIFO", |call| take(call, false)),
-    Row::new::<Tbl>(Origin::TiS7, Fc, 88, "TBL", tbl),
-    Row::new::<TblWrd>(Origin::TiS7, Fc, 89, "TBL_WRD", tbl_wrd),
-    Row::new::<WrdTbl>(Origin::TiS7, Fc, 91, "WRD_TBL", wrd_tbl),
+    Row::ti::<Tbl>(Fc, 88, "TBL", tbl),
+    Row::ti::<TblWrd>(Fc, 89, "TBL_WRD", tbl_wrd),
+    Row::ti::<WrdTbl>(Fc, 91, "WRD_TBL", wrd_tbl),
 ];
 
 /// The index is 0, or beyond the table (FC 86).
@@ -46,12 +46,6 @@ const INDEX: u16 = 0x0007;
 const NOTHING: u16 = 0x0008;
 /// A wrong command or type (FC 86), the index is beyond the table (FC 89, 91).
 const BEYOND: u16 = 0x0009;
-
-/// Ends with RET_VAL; BR is 0 with an error.
-fn end(call: &mut Call<'_>, ret_val: impl Params, code: u16) -> Done {
-    call.set(ret_val, u32::from(code));
-    call.br(code == 0)
-}
 
 /// A table of words that fills: its size, how many words there are, then the words.
 fn att(call: &mut Call<'_>) -> Done {
@@ -89,45 +83,42 @@ fn take(call: &mut Call<'_>, oldest: bool) -> Done {
 }
 
 /// The next entry after INDX that equals the pattern (CMD 1), or differs from it (2).
-fn tbl_find(call: &mut Call<'_>) -> Done {
+fn tbl_find(call: &mut Call<'_>) -> Code {
     let (command, element) = (call.byte(TblFind::CMD), Element::of(call.byte(TblFind::E_TYPE)));
-    let (Some(element), 1 | 2) = (element, command) else { return end(call, TblFind::RET_VAL, BEYOND) };
-    let (Some(table), Some(pattern)) = (Place::of(call, TblFind::SRC), Place::of(call, TblFind::PATRN)) else {
-        return end(call, TblFind::RET_VAL, NOTHING);
-    };
+    let element = element.filter(|_| matches!(command, 1 | 2)).ok_or(BEYOND)?;
+    let table = Place::of(call, TblFind::SRC).ok_or(NOTHING)?;
+    let pattern = Place::of(call, TblFind::PATRN).ok_or(NOTHING)?;
     let start = u32::from(call.word(TblFind::INDX));
-    let (Ok(size), Ok(wanted)) = (table.word(call, 0), element.get(call, pattern, 0)) else {
-        return end(call, TblFind::RET_VAL, NOTHING);
-    };
+    let size = table.word(call, 0).map_err(|_| NOTHING)?;
+    let wanted = element.get(call, pattern, 0).map_err(|_| NOTHING)?;
     if start > u32::from(size) {
-        return end(call, TblFind::RET_VAL, INDEX);
+        return Err(INDEX);
     }
     for number in start + 1..=u32::from(size) {
         match element.get(call, table, element.entry(number)) {
             Ok(entry) if (entry == wanted) == (command == 1) => {
                 call.set(TblFind::INDX, number);
-                return end(call, TblFind::RET_VAL, 0);
+                return Ok(0);
             }
             Ok(_) => {}
             Err(_) => break,
         }
     }
     call.set(TblFind::INDX, u32::from(size) + 1);
-    end(call, TblFind::RET_VAL, NOTHING)
+    Err(NOTHING)
 }
 
 /// CMD: 3 ones complement, 4 clear, 5 negate, 6 square root, of every entry.
-fn tbl(call: &mut Call<'_>) -> Done {
+fn tbl(call: &mut Call<'_>) -> Code {
     let (command, element) = (call.byte(Tbl::CMD), Element::of(call.byte(Tbl::E_TYPE)));
     let element = element.filter(|element| match command {
-        3 => *element != Element::Real,
-        4 => true,
+        3 => !matches!(element, Element::Byte | Element::Real),
+        4 => *element != Element::Byte,
         5 | 6 => matches!(element, Element::Int | Element::DInt | Element::Real),
         _ => false,
     });
-    let (Some(element), Some(table)) = (element.filter(|e| *e != Element::Byte), Place::of(call, Tbl::SRC)) else {
-        return end(call, Tbl::RET_VAL, NOTHING);
-    };
+    let element = element.ok_or(NOTHING)?;
+    let table = Place::of(call, Tbl::SRC).ok_or(NOTHING)?;
     let done = table.word(call, 0).and_then(|size| {
         (1..=u32::from(size)).try_for_each(|number| {
             let at = element.entry(number);
@@ -142,7 +133,7 @@ fn tbl(call: &mut Call<'_>) -> Done {
             element.put(call, table, at, new)
         })
     });
-    end(call, Tbl::RET_VAL, if done.is_ok() { 0 } else { NOTHING })
+    done.map_or(Err(NOTHING), |()| Ok(0))
 }
 
 /// The entry INDX names and the step to the next: `Err` with RET_VAL. Q tells that another follows.
@@ -156,53 +147,46 @@ fn entry(call: &mut Call<'_>, table: Place, index: u16) -> Result<(u32, bool), u
     }
 }
 
-fn tbl_wrd(call: &mut Call<'_>) -> Done {
+fn tbl_wrd(call: &mut Call<'_>) -> Code {
     let element = Element::of(call.byte(TblWrd::E_TYPE)).filter(|element| *element != Element::Byte);
-    let (Some(element), Some(table), Some(to)) = (element, Place::of(call, TblWrd::SRC), Place::of(call, TblWrd::DEST))
-    else {
-        return end(call, TblWrd::RET_VAL, NOTHING);
-    };
+    let element = element.ok_or(NOTHING)?;
+    let table = Place::of(call, TblWrd::SRC).ok_or(NOTHING)?;
+    let to = Place::of(call, TblWrd::DEST).ok_or(NOTHING)?;
     let index = call.word(TblWrd::INDX);
-    let code = entry(call, table, index).and_then(|(number, more)| {
-        let value = element.get(call, table, element.entry(number)).map_err(|_| BEYOND)?;
-        element.put(call, to, 0, value).map_err(|_| NOTHING)?;
-        call.set_bool(TblWrd::Q, more);
-        call.set(TblWrd::INDX, number + u32::from(more));
-        Ok(())
-    });
-    end(call, TblWrd::RET_VAL, code.err().unwrap_or(0))
+    let (number, more) = entry(call, table, index)?;
+    let value = element.get(call, table, element.entry(number)).map_err(|_| BEYOND)?;
+    element.put(call, to, 0, value).map_err(|_| NOTHING)?;
+    call.set_bool(TblWrd::Q, more);
+    call.set(TblWrd::INDX, number + u32::from(more));
+    Ok(0)
 }
 
 /// CMD: 7 AND, 8 OR, 9 XOR, 0Eh transfer.
-fn wrd_tbl(call: &mut Call<'_>) -> Done {
+fn wrd_tbl(call: &mut Call<'_>) -> Code {
     let command = call.byte(WrdTbl::CMD);
     let element = Element::of(call.byte(WrdTbl::E_TYPE)).filter(|element| match command {
         7..=9 => !matches!(element, Element::Byte | Element::Real),
         0x0E => *element != Element::Byte,
         _ => false,
     });
-    let (Some(element), Some(from), Some(table)) =
-        (element, Place::of(call, WrdTbl::SRC), Place::of(call, WrdTbl::TABLE))
-    else {
-        return end(call, WrdTbl::RET_VAL, NOTHING);
-    };
+    let element = element.ok_or(NOTHING)?;
+    let from = Place::of(call, WrdTbl::SRC).ok_or(NOTHING)?;
+    let table = Place::of(call, WrdTbl::TABLE).ok_or(NOTHING)?;
     let index = call.word(WrdTbl::INDX);
-    let code = entry(call, table, index).and_then(|(number, more)| {
-        let at = element.entry(number);
-        let given = element.get(call, from, 0).map_err(|_| NOTHING)?;
-        let old = element.get(call, table, at).map_err(|_| BEYOND)?;
-        let new = match command {
-            7 => old & given,
-            8 => old | given,
-            9 => old ^ given,
-            _ => given,
-        };
-        element.put(call, table, at, new).map_err(|_| BEYOND)?;
-        call.set_bool(WrdTbl::Q, more);
-        call.set(WrdTbl::INDX, number + u32::from(more));
-        Ok(())
-    });
-    end(call, WrdTbl::RET_VAL, code.err().unwrap_or(0))
+    let (number, more) = entry(call, table, index)?;
+    let at = element.entry(number);
+    let given = element.get(call, from, 0).map_err(|_| NOTHING)?;
+    let old = element.get(call, table, at).map_err(|_| BEYOND)?;
+    let new = match command {
+        7 => old & given,
+        8 => old | given,
+        9 => old ^ given,
+        _ => given,
+    };
+    element.put(call, table, at, new).map_err(|_| BEYOND)?;
+    call.set_bool(WrdTbl::Q, more);
+    call.set(WrdTbl::INDX, number + u32::from(more));
+    Ok(0)
 }
 
 #[cfg(test)]

@@ -409,7 +409,7 @@ impl NodeManager for Manager {
             } else if !call.arguments().is_empty() {
                 StatusCode::BadTooManyArguments
             } else if self.right(context) < Right::Operate {
-                self.station.refused(&self.who(context), &format!("command {}", command.word()));
+                self.station.refused(&self.who(context), &format!("command {}", command.name()));
                 StatusCode::BadUserAccessDenied
             } else {
                 let _turn = self.turns.acquire().await;

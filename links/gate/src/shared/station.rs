@@ -295,7 +295,7 @@ impl Client {
     pub(crate) async fn ask(&self, ask: Ask) -> Result<Answer, Trouble> {
         let mut needs = Right::Operate;
         let what = match &ask {
-            Ask::Command(command) => format!("command {}", command.word()),
+            Ask::Command(command) => format!("command {}", command.name()),
             Ask::Alarms(order @ (AlarmOrder::Acknowledge(_) | AlarmOrder::Lock { .. })) => {
                 needs = Right::Write;
                 order.words().unwrap_or_default()

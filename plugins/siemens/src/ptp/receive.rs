@@ -10,6 +10,8 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
 
 use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
 
+use crate::outputs::Outputs;
+
 use super::channel::{self, LEN_MAX, Unreachable, next_start};
 use super::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
 use super::state::{CpState, JOB_MS, WAITING_MS, called};
@@ -156,14 +158,10 @@ pub struct Params {
     pub db_no: Formal<Int, In>,
     /// First byte in it.
     pub dbb_no: Formal<Int, In>,
-    /// For one call: the job ended without error.
-    pub ndr: Formal<Bool, Out>,
-    /// For one call: the job ended with an error.
-    pub error: Formal<Bool, Out>,
+    /// NDR, ERROR and STATUS: for one call the end of the job, with an error event class and number.
+    pub outputs: Outputs,
     /// Bytes of the telegram, while NDR is 1.
     pub len: Formal<Int, Out>,
-    /// Event class and number while ERROR is 1.
-    pub status: Formal<Word, Out>,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
     /// The state between two calls.
@@ -180,10 +178,8 @@ macro_rules! receive_params {
             laddr: $block::LADDR,
             db_no: $block::DB_NO,
             dbb_no: $block::DBB_NO,
-            ndr: $block::NDR,
-            error: $block::ERROR,
+            outputs: $crate::outputs::Outputs { end: $block::NDR, error: $block::ERROR, status: $block::STATUS },
             len: $block::LEN,
-            status: $block::STATUS,
             sfcerr: $block::SFCERR,
             memory: $block::MEMORY,
         }
@@ -212,13 +208,10 @@ pub struct Received {
 /// [`Abort`] of a host function: the call ends at once.
 pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Received>, Abort> {
     let end = job(cx, params)?;
-    let status = end.and_then(Result::err).unwrap_or(0);
+    let failed = end.and_then(Result::err).filter(|status| *status != 0);
     let received = end.and_then(Result::ok);
     cx.set(params.len, received.map_or(0, |received| received.len as i16))?;
-    cx.set(params.ndr, received.is_some())?;
-    cx.set(params.error, status != 0)?;
-    cx.set(params.status, status)?;
-    cx.set_br(status == 0)?;
+    params.outputs.set(cx, received.is_some(), failed, 0)?;
     Ok(received)
 }
 

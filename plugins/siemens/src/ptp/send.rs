@@ -5,9 +5,11 @@
 //! that reports the end: at least three. The start-up coordination takes one call before.
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
-use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
+use ob1_sdk::{Abort, Area, Cx, Formal, In, Refused, Static};
 
 use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
+
+use crate::outputs::Outputs;
 
 use super::channel::{self, Unreachable, next_start};
 use super::state::{CpState, JOB_MS, called};
@@ -192,12 +194,8 @@ pub struct Params {
     pub r: Formal<Bool, In>,
     /// Logical base address of the CP.
     pub laddr: Formal<Int, In>,
-    /// For one call: the job ended without error.
-    pub done: Formal<Bool, Out>,
-    /// For one call: the job ended with an error.
-    pub error: Formal<Bool, Out>,
-    /// Event class and number while ERROR is 1.
-    pub status: Formal<Word, Out>,
+    /// DONE, ERROR and STATUS: for one call the end of the job, with an error event class and number.
+    pub outputs: Outputs,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
     /// The state between two calls.
@@ -212,9 +210,7 @@ macro_rules! send_params {
             req: $block::REQ,
             r: $block::R,
             laddr: $block::LADDR,
-            done: $block::DONE,
-            error: $block::ERROR,
-            status: $block::STATUS,
+            outputs: $crate::outputs::Outputs { end: $block::DONE, error: $block::ERROR, status: $block::STATUS },
             sfcerr: $block::SFCERR,
             memory: $block::MEMORY,
         }
@@ -313,11 +309,8 @@ pub struct Data {
 /// [`Abort`] of a host function: the call ends at once.
 pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
     let end = job::<J>(cx)?;
-    cx.set(J::PARAMS.done, end == Some(Ok(())))?;
-    let status = end.and_then(Result::err).unwrap_or(0);
-    cx.set(J::PARAMS.error, status != 0)?;
-    cx.set(J::PARAMS.status, status)?;
-    cx.set_br(status == 0)
+    let failed = end.and_then(Result::err).filter(|status| *status != 0);
+    J::PARAMS.outputs.set(cx, end == Some(Ok(())), failed, 0)
 }
 
 fn job<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<End, Abort> {

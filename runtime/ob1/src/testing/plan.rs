@@ -141,7 +141,7 @@ fn time(f: &mut Findings<'_>, value: &Placed<String>) -> Option<Span> {
 
 fn test(f: &mut Findings<'_>, table: Placed<TestTable>, folder: &Path) -> Test {
     let table = table.into_inner();
-    let words = [Command::Warm, Command::Cold].map(|command| (command.word(), command));
+    let words = [Command::Warm, Command::Cold].map(|command| (command.name(), command));
     let start = choice(f, "start", table.start.as_ref(), &words).unwrap_or(Command::Warm);
     let named = |list: Vec<Placed<String>>| list.into_iter().map(Placed::into_inner).collect();
     let replay = table.replay.as_ref().map(|path| folder.join(path.get_ref()));
@@ -175,7 +175,7 @@ fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {
     let at = table.span();
     let table = table.into_inner();
     let commands = [Command::Stop, Command::Run, Command::Warm, Command::Cold];
-    let commands = commands.map(|command| (command.word(), command));
+    let commands = commands.map(|command| (command.name(), command));
     let command = choice(f, "command", table.command.as_ref(), &commands);
     let states = [("STOP", OperatingState::Stop), ("RUN", OperatingState::Run)];
     let state = choice(f, "state", table.state.as_ref(), &states);

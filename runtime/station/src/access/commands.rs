@@ -6,12 +6,12 @@ use serde::{Deserialize as _, Deserializer, Serializer};
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
 pub(super) fn serialize<S: Serializer>(command: &Command, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(command.word())
+    to.serialize_str(command.name())
 }
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Command, D::Error> {
     let word = String::deserialize(from)?;
-    let known = || Command::ALL.map(Command::word).join(", ");
+    let known = || Command::ALL.map(Command::name).join(", ");
     Command::of_word(&word)
         .ok_or_else(|| D::Error::custom(format_args!("unknown command `{word}`, expected one of {}", known())))
 }
