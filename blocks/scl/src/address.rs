@@ -5,7 +5,7 @@ use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType};
 use ob1_stl::front::{Identifier, Span, Token, split_digits};
 
 use crate::check::Checker;
-use crate::codes;
+use crate::messages;
 use crate::names::Named;
 use crate::syntax::{Ref, Step};
 use crate::tree::{Base, Kind, Side, Term, Typed, Var};
@@ -21,7 +21,7 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<(Named<'c>, usize)> {
         let Some((width, digits)) = db_address(self.name(token)) else {
-            self.report(token.span, &codes::ADDRESS, "behind a data block stands DX, DB, DW or DD with its address");
+            self.report(token.span, &messages::ADDRESS, "behind a data block stands DX, DB, DW or DD with its address");
             return None;
         };
         let var = Var { base, at: BitAddr(0), terms: Vec::new(), declared: None, side: Side::Both };
@@ -81,7 +81,7 @@ impl<'c> Checker<'c> {
                     let Some(named) = self.own_result(span) else {
                         self.report(
                             span,
-                            &codes::NOT_A_VALUE,
+                            &messages::NOT_A_VALUE,
                             format!("{id} has no value: it is declared without one"),
                         );
                         return None;
@@ -115,7 +115,7 @@ impl<'c> Checker<'c> {
         span: Span,
     ) -> Option<(Var<'c>, usize)> {
         let wrong = |this: &mut Self| {
-            this.report(span, &codes::ADDRESS, "an address is written I0.0, QB4, MW20, DB11.DW4, MX[i, b] or MW[i]");
+            this.report(span, &messages::ADDRESS, "an address is written I0.0, QB4, MW20, DB11.DW4, MX[i, b] or MW[i]");
             None
         };
         let byte = |text: &str| text.parse::<u32>().ok().filter(|b| *b <= BitAddr::MAX_BYTE);

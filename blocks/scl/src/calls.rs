@@ -7,8 +7,8 @@ use ob1_stl::front::{
 };
 
 use crate::check::Checker;
-use crate::codes;
 use crate::convert::implicit;
+use crate::messages;
 use crate::names::Named;
 use crate::syntax::{Arg, Step};
 use crate::tree::{Actual, Base, Call, Kind, Side, Typed, Var};
@@ -44,7 +44,7 @@ impl<'c> Checker<'c> {
     /// A statement needs a block of the library that is not there.
     pub(crate) fn lacks(&mut self, name: &str, span: Span) {
         let key = format!("{name}(");
-        self.sink.missing(&key, self.block.file, span, &codes::UNKNOWN_NAME, |_| {
+        self.sink.missing(&key, self.block.file, span, &messages::UNKNOWN_NAME, |_| {
             let message = format!("this needs the block {name} of the IEC library, and it is not there");
             (message, format!("Load {name}, or the IEC library (docs/standard-blocks.md)."))
         });
@@ -81,11 +81,11 @@ impl<'c> Checker<'c> {
     pub(crate) fn call_block(&mut self, id: BlockId, args: &[Arg], span: Span) -> Option<Named<'c>> {
         if id.kind.has_instance() {
             let message = format!("{id} is a function block: it is called with an instance");
-            self.report(span, &codes::NO_INSTANCE, message);
+            self.report(span, &messages::NO_INSTANCE, message);
             return None;
         }
         if !id.kind.is_function() {
-            self.report(span, &codes::NOT_CALLABLE, format!("{id} cannot be called"));
+            self.report(span, &messages::NOT_CALLABLE, format!("{id} cannot be called"));
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
@@ -112,7 +112,7 @@ impl<'c> Checker<'c> {
         };
         let (Some(db), Some(Step::Call(args))) = (number, rest.first()) else {
             let message = format!("behind {id} stands its instance data block with parameters: FB.DB(...)");
-            self.report(span, &codes::NO_INSTANCE, message);
+            self.report(span, &messages::NO_INSTANCE, message);
             return None;
         };
         let place =
@@ -133,7 +133,7 @@ impl<'c> Checker<'c> {
         let id = called_with(id, made_for);
         if id != made_for && !same_instance(id, made_for) {
             let message = format!("this is an instance of {made_for}, not of {id}");
-            self.report(span, &codes::NO_INSTANCE, message);
+            self.report(span, &messages::NO_INSTANCE, message);
             return None;
         }
         match var.base {
@@ -147,7 +147,7 @@ impl<'c> Checker<'c> {
             _ => {
                 let message =
                     "an instance is called where its address is known: in VAR or a data block, with a fixed index";
-                self.report(span, &codes::NOT_SUPPORTED, message);
+                self.report(span, &messages::NOT_SUPPORTED, message);
                 None
             }
         }
@@ -185,7 +185,7 @@ impl<'c> Checker<'c> {
             },
         };
         if let Some(message) = wrong {
-            self.report(span, &codes::NO_INSTANCE, message);
+            self.report(span, &messages::NO_INSTANCE, message);
             return None;
         }
         Some(())
@@ -223,7 +223,7 @@ impl<'c> Checker<'c> {
                 continue;
             };
             if given.contains(&index) {
-                self.report(arg.span, &codes::UNKNOWN_PARAMETER, format!("{} is supplied twice", formal.name));
+                self.report(arg.span, &messages::UNKNOWN_PARAMETER, format!("{} is supplied twice", formal.name));
                 good = false;
                 continue;
             }
@@ -249,7 +249,7 @@ impl<'c> Checker<'c> {
                 .collect();
             if !missing.is_empty() && good {
                 let message = format!("the call of {} lacks {}", called(id, info), missing.join(", "));
-                self.report(span, &codes::MISSING_PARAMETER, message);
+                self.report(span, &messages::MISSING_PARAMETER, message);
                 good = false;
             }
         }
@@ -268,7 +268,7 @@ impl<'c> Checker<'c> {
         let value = self.expr(value).good()?;
         let fits = *value.ty == DataType::Bool && matches!(value.kind, Kind::Var(_) | Kind::Ok | Kind::Eno);
         if !fits {
-            self.report(value.span, &codes::ACTUAL, "ENO gives a BOOL: it takes a variable of this type");
+            self.report(value.span, &messages::ACTUAL, "ENO gives a BOOL: it takes a variable of this type");
             return None;
         }
         self.mark_written(&value);
@@ -288,7 +288,11 @@ impl<'c> Checker<'c> {
             let inputs = formals.iter().enumerate().filter(|(_, p)| p.section != Section::Return);
             let found = inputs.map(|(index, formal)| (index, *formal)).nth(at);
             if found.is_none() {
-                self.report(arg.span, &codes::UNKNOWN_PARAMETER, format!("{} has no parameter more", called(id, info)));
+                self.report(
+                    arg.span,
+                    &messages::UNKNOWN_PARAMETER,
+                    format!("{} has no parameter more", called(id, info)),
+                );
             }
             return found;
         };
@@ -302,7 +306,7 @@ impl<'c> Checker<'c> {
         if found.is_none() {
             let known: Vec<&str> = formals.iter().map(|p| p.name.as_str()).collect();
             let message = format!("{} has no parameter {name}", called(id, info));
-            self.sink.report_unknown(self.block.file, token.span, &codes::UNKNOWN_PARAMETER, message, name, known);
+            self.sink.report_unknown(self.block.file, token.span, &messages::UNKNOWN_PARAMETER, message, name, known);
         }
         found
     }
@@ -314,14 +318,14 @@ impl<'c> Checker<'c> {
         match formal.section {
             Section::Input if arg.out => {
                 let message = format!("{} of {id} is an input: it takes :=", formal.name);
-                self.report(arg.span, &codes::PARAMETER_SIDE, message);
+                self.report(arg.span, &messages::PARAMETER_SIDE, message);
                 None
             }
             Section::Input => self.input(id, formal, value),
             section => {
                 if section == Section::InOut && arg.out {
                     let message = format!("{} of {id} is an in/out: it takes :=", formal.name);
-                    self.report(arg.span, &codes::PARAMETER_SIDE, message);
+                    self.report(arg.span, &messages::PARAMETER_SIDE, message);
                     return None;
                 }
                 self.variable(id, formal, value)
@@ -339,7 +343,7 @@ impl<'c> Checker<'c> {
             (DataType::Any | DataType::Pointer, _) => {
                 if !matches!(value.kind, Kind::Var(_) | Kind::Bytes(_) | Kind::Block(Number::Fixed(_))) {
                     let message = format!("{} of {id} leads to a variable: it takes one, and no value", formal.name);
-                    self.report(value.span, &codes::ACTUAL, message);
+                    self.report(value.span, &messages::ACTUAL, message);
                     return None;
                 }
                 true
@@ -356,7 +360,7 @@ impl<'c> Checker<'c> {
                 with_article(short(to)),
                 with_article(short(value.ty))
             );
-            self.report(value.span, &codes::ACTUAL, message);
+            self.report(value.span, &messages::ACTUAL, message);
             return None;
         }
         Some(value)
@@ -367,7 +371,7 @@ impl<'c> Checker<'c> {
         let pointer = matches!(formal.ty, DataType::Any | DataType::Pointer);
         if !(matches!(value.kind, Kind::Var(_)) || pointer && value.is_constant()) {
             let message = format!("{} of {id} is written: it takes a variable", formal.name);
-            self.report(value.span, &codes::ACTUAL, message);
+            self.report(value.span, &messages::ACTUAL, message);
             return None;
         }
         if pointer && value.is_constant() {
@@ -382,7 +386,7 @@ impl<'c> Checker<'c> {
         if !fits {
             let ty = with_article(short(&formal.ty));
             let message = format!("{} of {id} is {ty}, this is {}", formal.name, with_article(short(value.ty)));
-            self.report(value.span, &codes::ACTUAL, message);
+            self.report(value.span, &messages::ACTUAL, message);
             return None;
         }
         self.mark_written(&value);

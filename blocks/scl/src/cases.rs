@@ -7,9 +7,9 @@ use ob1_model::DataType;
 
 use crate::check::Checker;
 use crate::code::Label as Mark;
-use crate::codes;
 use crate::expr::fitted;
 use crate::lower::Lowerer;
+use crate::messages;
 use crate::syntax::{Expr, Label, Stmt};
 use crate::tree::{Kind, Typed};
 use crate::types::{DINT, INT, format, is_bits};
@@ -81,12 +81,12 @@ impl<'c> Lowerer<'c> {
             None => low,
         };
         if low == high && !known.insert(low) {
-            self.check.report(label.low.span, &codes::LABEL_TWICE, format!("the value {low} occurs twice"));
+            self.check.report(label.low.span, &messages::LABEL_TWICE, format!("the value {low} occurs twice"));
             return None;
         }
         if seen.iter().take(4096).any(|(a, b)| *a <= low && high <= *b) {
             let message = format!("{low} lies in a range before it");
-            self.check.report(label.low.span, &codes::LABEL_COVERED, message);
+            self.check.report(label.low.span, &messages::LABEL_COVERED, message);
         }
         if low != high {
             seen.push((low, high));
@@ -104,13 +104,13 @@ impl<'c> Lowerer<'c> {
                 let fits = fits || fitted(constant, ty, expr.span).is_ok() && whole.is_some();
                 if !fits {
                     let message = format!("a value of this CASE is a constant of the type {}", ty.name());
-                    self.check.report(expr.span, &codes::CONSTANT_RANGE, message);
+                    self.check.report(expr.span, &messages::CONSTANT_RANGE, message);
                     return None;
                 }
                 whole
             }
             _ => {
-                self.check.report(expr.span, &codes::EXPRESSION, "the values of a CASE are constants");
+                self.check.report(expr.span, &messages::EXPRESSION, "the values of a CASE are constants");
                 None
             }
         }

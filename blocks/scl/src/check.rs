@@ -7,7 +7,7 @@ use ob1_stl::front::{
     Block, Code, Constant, File, Info, NameRef, Reader, Resolver, Sink, Span, Token, Words, World, unquote,
 };
 
-use crate::codes;
+use crate::messages;
 use crate::options::Options;
 use crate::syntax::{Expr, ExprKind};
 use crate::tree::{Kind, Typed};
@@ -98,7 +98,7 @@ impl<'c> Checker<'c> {
         let resolver = Resolver::new(self.world, self.words, Some((self.id.kind, self.info)));
         let mut reader = Reader::new(self.block.file, self.file, self.sink, range, expr.span);
         let constant = resolver.constant(&mut reader)?;
-        reader.finish(&codes::EXPRESSION).then_some(constant)
+        reader.finish(&messages::EXPRESSION).then_some(constant)
     }
 
     /// The type that a constant has of itself.

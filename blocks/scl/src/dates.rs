@@ -6,9 +6,9 @@ use ob1_stl::front::{Span, dtl, same_layout, with_article};
 
 use crate::check::Checker;
 use crate::code::Code;
-use crate::codes;
 use crate::convert::by;
 use crate::emit_copy::in_local;
+use crate::messages;
 use crate::syntax::{Arg, Operator};
 use crate::tree::{Check, Kind, Typed, Var};
 use crate::types::{BOOL, BYTE, DINT, DWORD, INT, WORD, short};
@@ -41,12 +41,12 @@ impl<'c> Checker<'c> {
         let target = self.expr(out).good()?;
         self.mark_written(&target);
         let Typed { kind: Kind::Var(target), ty, .. } = target else {
-            self.report(target.span, &codes::ACTUAL, format!("OUT of {name} is written: it takes a variable"));
+            self.report(target.span, &messages::ACTUAL, format!("OUT of {name} is written: it takes a variable"));
             return None;
         };
         if *ty != DataType::DateAndTime && !same_layout(ty, &dtl()) {
             let message = format!("{name} gives a DTL or DATE_AND_TIME, this is {}", with_article(short(ty)));
-            self.report(out.span, &codes::ACTUAL, message);
+            self.report(out.span, &messages::ACTUAL, message);
             return None;
         }
         let Some(block) = self.block_called("READ_CLK") else {

@@ -5,8 +5,8 @@ use ob1_model::{DataType, Section};
 use ob1_stl::front::{Constant, Encoded, Span, with_article};
 
 use crate::check::Checker;
-use crate::codes;
 use crate::convert::{by, explicit, function, implicit};
+use crate::messages;
 use crate::syntax::{Expr, ExprKind, Operator};
 use crate::tree::{Check, Kind, Typed, Var};
 use crate::types::{
@@ -26,7 +26,7 @@ impl<'c> Checker<'c> {
             ExprKind::Ref(reference) => {
                 let value = self.reference(reference);
                 if *value.ty == NOTHING && !value.is_bad() {
-                    self.report(expr.span, &codes::NO_RESULT, "this block gives no value");
+                    self.report(expr.span, &messages::NO_RESULT, "this block gives no value");
                     return self.bad(expr.span);
                 }
                 if let Kind::Call(call) = &value.kind
@@ -34,7 +34,7 @@ impl<'c> Checker<'c> {
                 {
                     let message =
                         "the result is supplied among the parameters, and is the value here: leave it out there";
-                    self.report(expr.span, &codes::UNKNOWN_PARAMETER, message);
+                    self.report(expr.span, &messages::UNKNOWN_PARAMETER, message);
                     return self.bad(expr.span);
                 }
                 self.mark_read(&value);
@@ -43,7 +43,7 @@ impl<'c> Checker<'c> {
                     matches!(value.kind, Kind::Timer(_) | Kind::Counter(_) | Kind::Var(Var { declared: None, .. }));
                 if absolute && self.info.declared(name).is_some() && !self.declared_plainly(name) {
                     let message = format!("{name} is the address here, not the variable #{name}");
-                    self.report(reference.first.span, &codes::LOOKS_LIKE_ADDRESS, message);
+                    self.report(reference.first.span, &messages::LOOKS_LIKE_ADDRESS, message);
                 }
                 value
             }
@@ -74,7 +74,7 @@ impl<'c> Checker<'c> {
             match fitted(constant, to, span) {
                 Ok(value) => return Some(value),
                 Err(message) => {
-                    let code = if is_number(to) || is_bits(to) { &codes::CONSTANT_RANGE } else { &codes::TYPES };
+                    let code = if is_number(to) || is_bits(to) { &messages::CONSTANT_RANGE } else { &messages::TYPES };
                     self.report(span, code, message);
                     return None;
                 }
@@ -93,8 +93,8 @@ impl<'c> Checker<'c> {
     pub(crate) fn no_conversion(&mut self, from: &DataType, to: &DataType, span: Span) {
         let message = format!("{} is needed here, this is {}", with_article(short(to)), with_article(short(from)));
         match function(from, to) {
-            Some(name) => self.report_with(span, &codes::TYPES, message, format!("Write {name}(...).")),
-            None => self.report(span, &codes::TYPES, message),
+            Some(name) => self.report_with(span, &messages::TYPES, message, format!("Write {name}(...).")),
+            None => self.report(span, &messages::TYPES, message),
         }
     }
 
@@ -121,7 +121,7 @@ impl<'c> Checker<'c> {
             DataType::DWord | DataType::Word | DataType::Byte => inverted(value),
             _ => {
                 let message = format!("NOT takes a BOOL or a bit string, this is {}", with_article(short(ty)));
-                self.report(span, &codes::OPERANDS, message);
+                self.report(span, &messages::OPERANDS, message);
                 self.bad(span)
             }
         }
@@ -149,7 +149,7 @@ impl<'c> Checker<'c> {
             DataType::Real => Convert::Negr,
             _ => {
                 let message = format!("- takes a number, this is {}", with_article(short(ty)));
-                self.report(span, &codes::OPERANDS, message);
+                self.report(span, &messages::OPERANDS, message);
                 return self.bad(span);
             }
         };
@@ -174,9 +174,9 @@ impl<'c> Checker<'c> {
         let remedy = function(right.ty, left.ty).or_else(|| function(left.ty, right.ty));
         match remedy.filter(|_| left.ty != right.ty) {
             Some(name) => {
-                self.report_with(span, &codes::OPERANDS, message, format!("Convert one of them: {name}(...)."));
+                self.report_with(span, &messages::OPERANDS, message, format!("Convert one of them: {name}(...)."));
             }
-            None => self.report(span, &codes::OPERANDS, message),
+            None => self.report(span, &messages::OPERANDS, message),
         }
         None
     }
@@ -268,7 +268,7 @@ impl<'c> Checker<'c> {
             _ => return self.refuse(Operator::Compare(relation), &left, &right, span),
         };
         if *common == DataType::Real && equality {
-            self.report(span, &codes::REAL_EQUAL, "real numbers are compared for equality");
+            self.report(span, &messages::REAL_EQUAL, "real numbers are compared for equality");
         }
         let (left, right) = (self.coerced(left, common)?, self.coerced(right, common)?);
         Some(Typed::new(Kind::Compare(relation, Box::new(left), Box::new(right)), &BOOL, span))
@@ -300,7 +300,7 @@ impl<'c> Checker<'c> {
         }
         let zero = matches!(&right.kind, Kind::Flexible(Constant::Integer(0) | Constant::DInt(0)));
         if matches!(op, AccuOp::Div | AccuOp::Mod) && zero {
-            self.report(right.span, &codes::DIVISION_BY_ZERO, "this divides by 0");
+            self.report(right.span, &messages::DIVISION_BY_ZERO, "this divides by 0");
         }
         if let Some(result) = self.time_arithmetic(op, &left, &right, span) {
             return result;

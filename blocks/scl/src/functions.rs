@@ -5,9 +5,9 @@ use ob1_model::DataType;
 use ob1_stl::front::{Constant, OF_FUNCTIONS, Span, Token, with_article};
 
 use crate::check::Checker;
-use crate::codes;
 use crate::convert::{by, explicit};
 use crate::expr::wider;
+use crate::messages;
 use crate::syntax::{Arg, Expr, Operator};
 use crate::tree::{Check, Kind, Shifted, Typed, Unsigned};
 use crate::types::{self, BLOCK_DB, BOOL, DINT, DWORD, INT, REAL, WORD, is_bits, is_number, is_whole, rank, short};
@@ -59,10 +59,10 @@ impl<'c> Checker<'c> {
         let key = format!("{shown}(");
         let symbols = self.world.symbols.keys().map(String::as_str);
         let known = MathFn::ALL.map(MathFn::name).into_iter().chain(NAMES);
-        self.sink.missing(&key, self.block.file, at, &codes::UNKNOWN_NAME, |sink| {
+        self.sink.missing(&key, self.block.file, at, &messages::UNKNOWN_NAME, |sink| {
             let message = format!("{shown} is called, and no block or function has this name");
             let near = sink.nearest(name, known.chain(symbols)).map(|near| format!("Did you mean {near}?"));
-            (message, near.unwrap_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned()))
+            (message, near.unwrap_or_else(|| messages::UNKNOWN_NAME.remedy.to_owned()))
         });
         None
     }
@@ -188,7 +188,7 @@ impl<'c> Checker<'c> {
             return None;
         }
         let [Arg { value: Some(value), .. }] = args else {
-            self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
+            self.report(span, &messages::FUNCTION_ARGUMENTS, format!("{name} takes one value"));
             return Some(None);
         };
         let Some(value) = self.expr_as(value, from) else { return Some(None) };
@@ -198,7 +198,7 @@ impl<'c> Checker<'c> {
         match explicit(value, to) {
             Some(value) => Some(Some(Typed { span, ..value })),
             None => {
-                self.report(span, &codes::UNKNOWN_NAME, format!("there is no conversion {name}"));
+                self.report(span, &messages::UNKNOWN_NAME, format!("there is no conversion {name}"));
                 Some(None)
             }
         }
@@ -227,7 +227,7 @@ impl<'c> Checker<'c> {
         if !good || out.iter().any(Option::is_none) {
             let message =
                 format!("{function} is called {function}({})", names.map(|n| format!("{n} := ...")).join(", "));
-            self.report(span, &codes::FUNCTION_ARGUMENTS, message);
+            self.report(span, &messages::FUNCTION_ARGUMENTS, message);
             return None;
         }
         let mut all = out.into_iter().flatten();
@@ -259,7 +259,7 @@ impl<'c> Checker<'c> {
             Some(values) => Some(values),
             None => {
                 let how = if function == "MUX" { "K := ..., IN0 := ..., IN1 := ..." } else { "IN1 := ..., IN2 := ..." };
-                self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{function} is called {function}({how})"));
+                self.report(span, &messages::FUNCTION_ARGUMENTS, format!("{function} is called {function}({how})"));
                 None
             }
         }
@@ -268,7 +268,7 @@ impl<'c> Checker<'c> {
     pub(crate) fn wrong(&mut self, function: &str, value: &Typed<'c>, takes: &str) -> Option<Typed<'c>> {
         if !value.is_bad() {
             let message = format!("{function} takes {takes}, this is {}", with_article(short(value.ty)));
-            self.report(value.span, &codes::OPERANDS, message);
+            self.report(value.span, &messages::OPERANDS, message);
         }
         None
     }
@@ -382,12 +382,12 @@ impl<'c> Checker<'c> {
             ty = &REAL;
         }
         if ty.elementary_bits().is_none() && !matches!(ty, DataType::String(_) | DataType::DateAndTime) {
-            self.report(span, &codes::OPERANDS, format!("this does not take {}", with_article(short(ty))));
+            self.report(span, &messages::OPERANDS, format!("this does not take {}", with_article(short(ty))));
             return None;
         }
         if ty.elementary_bits().is_none() {
             let message = format!("{} cannot be chosen by a function", with_article(short(ty)));
-            self.report_with(span, &codes::NOT_SUPPORTED, message, "Write IF ... THEN ... ELSE.".to_owned());
+            self.report_with(span, &messages::NOT_SUPPORTED, message, "Write IF ... THEN ... ELSE.".to_owned());
             return None;
         }
         let all: Option<Vec<Typed<'c>>> = values.into_iter().map(|value| self.coerced(value, ty)).collect();
@@ -445,7 +445,7 @@ impl<'c> Checker<'c> {
         };
         let Some(dim) = at.and_then(|at| dims.get(at)) else {
             let message = format!("DIM of {function} is a constant, 1 to {}", dims.len());
-            self.report(dimension.span, &codes::FUNCTION_ARGUMENTS, message);
+            self.report(dimension.span, &messages::FUNCTION_ARGUMENTS, message);
             return None;
         };
         let bound = if function == "LOWER_BOUND" { dim.low } else { dim.high };

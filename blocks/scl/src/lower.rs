@@ -8,7 +8,7 @@ use ob1_stl::front::{Constant, Span, Token, same_layout, write_default};
 
 use crate::check::Checker;
 use crate::code::{Code, Label as Mark};
-use crate::codes;
+use crate::messages;
 use crate::names::Named;
 use crate::syntax::{Expr, For, Ref, Stmt, StmtKind};
 use crate::tree::{Base, Kind, Side, Typed, Var};
@@ -109,7 +109,7 @@ impl<'c> Lowerer<'c> {
                     let name = self.check.name(*token).to_uppercase();
                     let mark = self.code.label();
                     if self.labels.insert(name, (mark, within.clone())).is_some() {
-                        self.check.report(token.span, &codes::GOTO_TARGET, "this label stands twice in the block");
+                        self.check.report(token.span, &messages::GOTO_TARGET, "this label stands twice in the block");
                     }
                 }
                 StmtKind::If(branches, otherwise) => {
@@ -145,7 +145,7 @@ impl<'c> Lowerer<'c> {
             }
             let lost = std::mem::take(&mut self.code.lost) || done.is_none();
             if lost && !statement.reported && self.check.sink.said() == said {
-                self.check.report(statement.span, &codes::LOST, codes::LOST.title);
+                self.check.report(statement.span, &messages::LOST, messages::LOST.title);
             }
         }
     }
@@ -178,7 +178,7 @@ impl<'c> Lowerer<'c> {
 
     fn leave(&mut self, span: Span, to: impl Fn(&Loop) -> Mark) -> Option<()> {
         let Some(label) = self.loops.last().map(to) else {
-            self.check.report(span, &codes::NO_LOOP, "there is no loop here to leave or go on with");
+            self.check.report(span, &messages::NO_LOOP, "there is no loop here to leave or go on with");
             return None;
         };
         self.code.jump(Jump::Always, label);
@@ -197,7 +197,7 @@ impl<'c> Lowerer<'c> {
             Some(_) => format!("{name} stands within a loop or branch that GOTO is not in"),
             None => format!("{name} stands before no statement of this block"),
         };
-        self.check.report(token.span, &codes::GOTO_TARGET, message);
+        self.check.report(token.span, &messages::GOTO_TARGET, message);
         None
     }
 
@@ -220,7 +220,7 @@ impl<'c> Lowerer<'c> {
             },
             _ => ("a block cannot be assigned to".to_owned(), reference.span),
         };
-        self.check.report(span, &codes::NOT_WRITABLE, message);
+        self.check.report(span, &messages::NOT_WRITABLE, message);
         None
     }
 
@@ -263,7 +263,7 @@ impl<'c> Lowerer<'c> {
             // A function whose value is not used.
             Named::Value(value) if value.ty.elementary_bits().is_some() => self.code.value(&value.good()?),
             _ => {
-                self.check.report(reference.span, &codes::NOT_CALLABLE, "this is no call");
+                self.check.report(reference.span, &messages::NOT_CALLABLE, "this is no call");
                 return None;
             }
         }
@@ -341,7 +341,7 @@ impl<'c> Lowerer<'c> {
         let (ty, span) = (counter.ty, counter.span);
         let largest = if *ty == DataType::Int { i16::MAX as u32 } else { i32::MAX as u32 };
         if end.is_constant() && matches!(end.kind, Kind::Constant(v) if v == largest) && one.step.is_none() {
-            self.check.report(one.end.span, &codes::ENDLESS_LOOP, "the loop goes on for ever: its variable wraps");
+            self.check.report(one.end.span, &messages::ENDLESS_LOOP, "the loop goes on for ever: its variable wraps");
         }
         let end = self.kept(end);
         let step = self.kept(step);
@@ -376,7 +376,7 @@ impl<'c> Lowerer<'c> {
         let unsigned = self.check.options.tia && is_bits(own);
         if !is_whole(own) && !unsigned {
             let message = format!("the variable of a FOR is an INT or DINT, this is {}", own.name());
-            self.check.report(span, &codes::LOOP_VARIABLE, message);
+            self.check.report(span, &messages::LOOP_VARIABLE, message);
             return None;
         }
         let ty: &'static DataType = if *own == DataType::Int { &INT } else { &DINT };
@@ -419,7 +419,7 @@ impl<'c> Lowerer<'c> {
         if let Kind::Constant(value) = step.kind {
             let value = if *counter.ty == DataType::Int { i32::from(value as i16) } else { value as i32 };
             if value == 0 {
-                self.check.report(step.span, &codes::STEP_ZERO, "with BY 0 the loop never ends");
+                self.check.report(step.span, &messages::STEP_ZERO, "with BY 0 the loop never ends");
             }
             compare(&mut self.code, if value < 0 { Compare::GreaterEqual } else { Compare::LessEqual });
             return;
@@ -443,14 +443,14 @@ impl<'c> Lowerer<'c> {
             && !self.check.written.contains(&index)
         {
             let span = self.check.block.span;
-            self.check.report(span, &codes::RESULT_UNASSIGNED, "nothing assigns to the result of this function");
+            self.check.report(span, &messages::RESULT_UNASSIGNED, "nothing assigns to the result of this function");
         }
         let read: Vec<(usize, Span)> = self.check.read.iter().map(|(at, span)| (*at, *span)).collect();
         for (index, span) in read {
             let Some(param) = params.get(index).filter(|p| p.section == Section::Temp) else { continue };
             if !self.check.written.contains(&index) && param.ty.elementary_bits().is_some() {
                 let message = format!("{} is read, and nothing in the block assigns it", param.name);
-                self.check.report(span, &codes::TEMP_UNASSIGNED, message);
+                self.check.report(span, &messages::TEMP_UNASSIGNED, message);
             }
         }
     }
@@ -463,7 +463,7 @@ impl<'c> Checker<'c> {
             && text.len() > usize::from(*max)
         {
             let message = format!("the text has {} characters, the STRING takes {max}", text.len());
-            self.report(value.span, &codes::LONG_TEXT, message);
+            self.report(value.span, &messages::LONG_TEXT, message);
         }
         let composed = match (ty, value.ty) {
             (DataType::String(_), DataType::String(_)) => true,

@@ -6,8 +6,8 @@ use ob1_stl::front::{Span, same_layout, with_article};
 
 use crate::check::Checker;
 use crate::code::Code;
-use crate::codes;
 use crate::emit_copy::in_local;
+use crate::messages;
 use crate::names::Named;
 use crate::syntax::{Arg, Expr, ExprKind, Ref, Step};
 use crate::tree::{Kind, Term, Typed, Var};
@@ -64,13 +64,13 @@ impl<'c> Checker<'c> {
                 with_article(short(ty)),
                 with_article(short(to.ty))
             );
-            self.report(span, &codes::TYPES, message);
+            self.report(span, &messages::TYPES, message);
             return None;
         }
         let moved = Moved { from, count, to };
         if moved.is_beyond() {
             let message = format!("{function} goes beyond the end of an array: nothing would be moved");
-            self.report(span, &codes::INDEX, message);
+            self.report(span, &messages::INDEX, message);
             return None;
         }
         self.written.extend(moved.to.array.declared);
@@ -81,7 +81,7 @@ impl<'c> Checker<'c> {
     fn elements(&mut self, function: &str, expr: &Expr) -> Option<Elements<'c>> {
         let wrong = |this: &mut Self| {
             let message = format!("{function} takes an element of an array of one dimension: #a[0]");
-            this.report(expr.span, &codes::FUNCTION_ARGUMENTS, message);
+            this.report(expr.span, &messages::FUNCTION_ARGUMENTS, message);
             None
         };
         let ExprKind::Ref(reference) = &expr.kind else {
@@ -108,7 +108,7 @@ impl<'c> Checker<'c> {
                 let first = i64::from(at as i32) - i64::from(dim.low);
                 if !(0..i64::from(length)).contains(&first) {
                     let message = format!("the index {} is outside the bounds {}..{}", at as i32, dim.low, dim.high);
-                    self.report(expr.span, &codes::INDEX, message);
+                    self.report(expr.span, &messages::INDEX, message);
                     return None;
                 }
                 Typed { kind: Kind::Constant(first as u32), ..index }

@@ -8,8 +8,8 @@ use ob1_stl::front::{
 
 use crate::address::{add_index, db_address, of_width};
 use crate::check::Checker;
-use crate::codes;
 use crate::functions::is_standard;
+use crate::messages;
 use crate::syntax::{Expr, Ref, Step};
 use crate::tree::{Base, Kind, Side, Typed, Var};
 use crate::types::{BLOCK_DB, BOOL, CHAR, COUNTER, TIMER};
@@ -48,7 +48,11 @@ impl<'c> Checker<'c> {
 
     fn no_value(&mut self, reference: &Ref) -> Typed<'c> {
         let shown: String = self.text(reference.first).chars().take(64).collect();
-        self.report(reference.span, &codes::NOT_A_VALUE, format!("{shown} has no value: its parameters are missing"));
+        self.report(
+            reference.span,
+            &messages::NOT_A_VALUE,
+            format!("{shown} has no value: its parameters are missing"),
+        );
         self.bad(reference.span)
     }
 
@@ -138,10 +142,10 @@ impl<'c> Checker<'c> {
         let known: Vec<&str> = params.iter().map(|p| p.name.as_str()).collect();
         let key = format!("{} {}", self.block.file, name.to_uppercase());
         let symbols = self.world.symbols.keys().map(String::as_str);
-        self.sink.missing(&key, self.block.file, token.span, &codes::UNKNOWN_NAME, |sink| {
+        self.sink.missing(&key, self.block.file, token.span, &messages::UNKNOWN_NAME, |sink| {
             let near = sink.nearest(name, known.into_iter().chain(symbols));
             let remedy =
-                near.map_or_else(|| codes::UNKNOWN_NAME.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+                near.map_or_else(|| messages::UNKNOWN_NAME.remedy.to_owned(), |near| format!("Did you mean {near}?"));
             (format!("{shown} is not known here"), remedy)
         });
         None
@@ -230,7 +234,7 @@ impl<'c> Checker<'c> {
             Some(Symbolic::Counter(n)) => Named::Value(Typed::new(Kind::Counter(Number::Fixed(*n)), &COUNTER, span)),
             Some(Symbolic::Unknown(address)) => {
                 let message = format!("the symbol table gives {name} the address {address}, which is not valid");
-                self.report(span, &codes::UNKNOWN_NAME, message);
+                self.report(span, &messages::UNKNOWN_NAME, message);
                 return None;
             }
             Some(Symbolic::Nameless) => return None,
@@ -251,7 +255,11 @@ impl<'c> Checker<'c> {
             (Named::Db(number), Step::Dot(token)) => self.in_data(number, *token, rest, reference),
             (Named::Db(number), Step::Call(args)) => {
                 let Some(ob1_ir::DataKind::Instance(fb)) = self.world.data.get(&number).map(|d| d.kind) else {
-                    self.report(span, &codes::NOT_CALLABLE, format!("DB {number} is no instance of a function block"));
+                    self.report(
+                        span,
+                        &messages::NOT_CALLABLE,
+                        format!("DB {number} is no instance of a function block"),
+                    );
                     return None;
                 };
                 let place = whole_db(number);
@@ -286,7 +294,7 @@ impl<'c> Checker<'c> {
                     Step::Call(_) => "it cannot be called",
                     _ => "it has no components",
                 };
-                self.report(span, &codes::COMPONENT, format!("{}: {what}", self.text(reference.first)));
+                self.report(span, &messages::COMPONENT, format!("{}: {what}", self.text(reference.first)));
                 None
             }
         }
@@ -306,7 +314,7 @@ impl<'c> Checker<'c> {
             (Kind::Var(var), Step::Index(indices)) => self.element(var, value.ty, indices, span).map(|v| (v, 0)),
             (Kind::Var(var), Step::Periphery) => {
                 let Base::Fixed(Area::Input | Area::Output) = var.base else {
-                    self.report(span, &codes::ADDRESS, ":P stands behind inputs and outputs only");
+                    self.report(span, &messages::ADDRESS, ":P stands behind inputs and outputs only");
                     return None;
                 };
                 let side = if matches!(var.base, Base::Fixed(Area::Input)) { Side::Read } else { Side::Write };
@@ -318,7 +326,7 @@ impl<'c> Checker<'c> {
                 let Some(fb) = self.data_type_of(value.ty) else {
                     self.report(
                         span,
-                        &codes::NOT_CALLABLE,
+                        &messages::NOT_CALLABLE,
                         format!("{} cannot be called", with_article(value.ty.name())),
                     );
                     return None;
@@ -339,7 +347,11 @@ impl<'c> Checker<'c> {
                 self.db_element(Base::DbAt(Box::new(number)), *token, rest, span)
             }
             (_, Step::Follow) => {
-                self.report(span, &codes::NOT_SUPPORTED, "REF_TO and ^ need references, which this CPU does not have");
+                self.report(
+                    span,
+                    &messages::NOT_SUPPORTED,
+                    "REF_TO and ^ need references, which this CPU does not have",
+                );
                 None
             }
             (_, step) => {
@@ -348,7 +360,7 @@ impl<'c> Checker<'c> {
                     Step::Call(_) => "cannot be called",
                     _ => "has no component",
                 };
-                self.report(span, &codes::COMPONENT, format!("{} {what}", with_article(value.ty.name())));
+                self.report(span, &messages::COMPONENT, format!("{} {what}", with_article(value.ty.name())));
                 None
             }
         }
@@ -378,7 +390,7 @@ impl<'c> Checker<'c> {
             let known: Vec<&str> = fields.iter().map(|f| f.name.as_str()).collect();
             let shown: String = name.chars().take(64).collect();
             let message = format!("the structure has no component {shown}");
-            self.sink.report_unknown(self.block.file, token.span, &codes::COMPONENT, message, name, known);
+            self.sink.report_unknown(self.block.file, token.span, &messages::COMPONENT, message, name, known);
             return None;
         }
         let sliced = ty.elementary_bits().and_then(|bits| slice(bits, name));
@@ -387,7 +399,7 @@ impl<'c> Checker<'c> {
             None => {
                 let shown: String = name.chars().take(64).collect();
                 let message = format!("{} has no component {shown}", with_article(ty.name()));
-                self.report(token.span, &codes::COMPONENT, message);
+                self.report(token.span, &messages::COMPONENT, message);
                 None
             }
         }
@@ -403,12 +415,12 @@ impl<'c> Checker<'c> {
             return Some(Named::Value(Typed::new(Kind::Var(var), &CHAR, span)));
         }
         let DataType::Array(dims, inner) = ty else {
-            self.report(span, &codes::INDEX, format!("{} has no elements", with_article(ty.name())));
+            self.report(span, &messages::INDEX, format!("{} has no elements", with_article(ty.name())));
             return None;
         };
         if dims.len() != indices.len() {
             let message = format!("the array has {} dimensions, this is {} indices", dims.len(), indices.len());
-            self.report(span, &codes::INDEX, message);
+            self.report(span, &messages::INDEX, message);
             return None;
         }
         let mut rows: Vec<u32> = Vec::new();
@@ -427,7 +439,7 @@ impl<'c> Checker<'c> {
                 let value = value as i32;
                 if !(dim.low..=dim.high).contains(&value) {
                     let message = format!("the index {value} is outside the bounds {}..{}", dim.low, dim.high);
-                    self.report(expr.span, &codes::INDEX, message);
+                    self.report(expr.span, &messages::INDEX, message);
                     return None;
                 }
             }
@@ -494,7 +506,7 @@ impl<'c> Checker<'c> {
             let known: Vec<&str> = data.into_iter().flat_map(|d| &d.components).map(|c| c.path.as_str()).collect();
             let shown: String = name.chars().take(64).collect();
             let message = format!("DB {number} has no component {shown}");
-            self.sink.report_unknown(self.block.file, token.span, &codes::COMPONENT, message, name, known);
+            self.sink.report_unknown(self.block.file, token.span, &messages::COMPONENT, message, name, known);
             return None;
         }
         self.db_element(Base::Db(number), token, rest, reference.span)

@@ -3,8 +3,8 @@
 use ob1_ir::{AccuOp, Compare, Logic};
 use ob1_stl::front::{Kind, Token};
 
-use crate::codes;
 use crate::cursor::{Cursor, DEPTH};
+use crate::messages;
 use crate::syntax::{Arg, Expr, ExprKind, Operator, Ref, Step};
 
 /// Words of the grammar, which no expression begins with.
@@ -47,7 +47,7 @@ impl Cursor<'_, '_> {
         let span = self.here();
         self.depth += 1;
         let expr = if self.depth > DEPTH {
-            self.report(span, &codes::DEPTH, format!("brackets are nested more than {DEPTH} deep"));
+            self.report(span, &messages::DEPTH, format!("brackets are nested more than {DEPTH} deep"));
             self.skip_statement();
             Expr { kind: ExprKind::Bad, span }
         } else {
@@ -88,7 +88,7 @@ impl Cursor<'_, '_> {
                 _ => break,
             }
             if signs.len() > DEPTH as usize {
-                self.report(span, &codes::DEPTH, "there are too many signs in a row");
+                self.report(span, &messages::DEPTH, "there are too many signs in a row");
                 signs.clear();
             }
             self.bump();
@@ -136,7 +136,7 @@ impl Cursor<'_, '_> {
                 let mut inner = self.expression();
                 if !self.eat(Kind::RightParen) && !matches!(inner.kind, ExprKind::Bad) {
                     let behind = self.behind();
-                    self.report(behind, &codes::EXPECTED, "the bracket is not closed with )");
+                    self.report(behind, &messages::EXPECTED, "the bracket is not closed with )");
                     inner.kind = ExprKind::Bad;
                 }
                 inner.span = span.to(self.behind());
@@ -177,7 +177,7 @@ impl Cursor<'_, '_> {
 
     fn no_value(&mut self) -> Expr {
         let span = self.here();
-        self.report(span, &codes::EXPRESSION, "a value is expected here");
+        self.report(span, &messages::EXPRESSION, "a value is expected here");
         Expr { kind: ExprKind::Bad, span }
     }
 
@@ -228,7 +228,7 @@ impl Cursor<'_, '_> {
                         }
                         None => {
                             let here = self.here();
-                            self.report(here, &codes::EXPECTED, "a name is missing after the point");
+                            self.report(here, &messages::EXPECTED, "a name is missing after the point");
                             break;
                         }
                     }
@@ -272,7 +272,7 @@ impl Cursor<'_, '_> {
         }
         if !self.eat(Kind::RightBracket) {
             let here = self.here();
-            self.report(here, &codes::EXPECTED, "the index is not closed with ]");
+            self.report(here, &messages::EXPECTED, "the index is not closed with ]");
         }
         out
     }
@@ -289,12 +289,12 @@ impl Cursor<'_, '_> {
                     break;
                 }
                 let behind = self.behind();
-                self.report(behind, &codes::EXPECTED, "a comma is missing between two parameters");
+                self.report(behind, &messages::EXPECTED, "a comma is missing between two parameters");
             }
         }
         if !self.eat(Kind::RightParen) {
             let here = self.here();
-            self.report(here, &codes::EXPECTED, "the list of parameters is not closed with )");
+            self.report(here, &messages::EXPECTED, "the list of parameters is not closed with )");
         }
         out
     }

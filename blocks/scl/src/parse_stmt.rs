@@ -3,8 +3,8 @@
 use ob1_ir::AccuOp;
 use ob1_stl::front::{Kind, Span, Token};
 
-use crate::codes;
 use crate::cursor::{Cursor, DEPTH};
+use crate::messages;
 use crate::parse_expr::is_reserved;
 use crate::syntax::{Expr, ExprKind, For, Label, Operator, Ref, Stmt, StmtKind};
 
@@ -23,7 +23,7 @@ impl Cursor<'_, '_> {
             out.extend(self.statements(false));
             let Some(token) = self.peek() else { return out };
             let text = self.text(token);
-            self.report(token.span, &codes::STATEMENT, format!("{text} ends nothing here"));
+            self.report(token.span, &messages::STATEMENT, format!("{text} ends nothing here"));
             self.bump();
             self.eat(Kind::Semicolon);
         }
@@ -35,7 +35,7 @@ impl Cursor<'_, '_> {
         self.depth += 1;
         if self.depth > DEPTH {
             let here = self.here();
-            self.report(here, &codes::DEPTH, format!("statements are nested more than {DEPTH} deep"));
+            self.report(here, &messages::DEPTH, format!("statements are nested more than {DEPTH} deep"));
             // The rest is left out, so that this is said once.
             self.at = self.end;
         }
@@ -53,7 +53,7 @@ impl Cursor<'_, '_> {
             let kind = self.statement(token);
             let span = token.span.to(self.behind());
             if kind.is_none() && self.said() == said {
-                self.report(span, &codes::LOST, codes::LOST.title);
+                self.report(span, &messages::LOST, messages::LOST.title);
             }
             let reported = self.said() > said;
             out.extend(kind.map(|kind| Stmt { kind, span, line, reported }));
@@ -95,7 +95,7 @@ impl Cursor<'_, '_> {
             Some(_) => self.bump(),
             None => {
                 let here = self.here();
-                self.report(here, &codes::EXPECTED, "GOTO is followed by a label");
+                self.report(here, &messages::EXPECTED, "GOTO is followed by a label");
                 self.skip_statement();
             }
         }
@@ -108,7 +108,7 @@ impl Cursor<'_, '_> {
         if !is_name || token.kind == Kind::Word && is_reserved(self.text(token)) {
             if token.kind != Kind::Bad {
                 let shown: String = self.text(token).chars().take(32).collect();
-                self.report(token.span, &codes::STATEMENT, format!("a statement cannot begin with {shown}"));
+                self.report(token.span, &messages::STATEMENT, format!("a statement cannot begin with {shown}"));
             }
             self.skip_statement();
             return None;
@@ -133,7 +133,7 @@ impl Cursor<'_, '_> {
             }
             _ => {
                 let here = self.here();
-                self.report(here, &codes::EXPECTED, "an assignment := or the parameters of a call are missing");
+                self.report(here, &messages::EXPECTED, "an assignment := or the parameters of a call are missing");
                 self.skip_statement();
                 None
             }
@@ -154,7 +154,7 @@ impl Cursor<'_, '_> {
             "*=" => AccuOp::Mul,
             "/=" => AccuOp::Div,
             _ => {
-                self.report(sign.span, &codes::NOT_SUPPORTED, "?= needs VARIANT, which this CPU does not have");
+                self.report(sign.span, &messages::NOT_SUPPORTED, "?= needs VARIANT, which this CPU does not have");
                 self.skip_statement();
                 return None;
             }
@@ -199,7 +199,7 @@ impl Cursor<'_, '_> {
                 otherwise.extend(self.statements(false));
                 if self.is_word("ELSE") || self.is_word("ELSIF") {
                     let here = self.here();
-                    self.report(here, &codes::EXPECTED, "ELSE is the last branch of an IF: END_IF is missing here");
+                    self.report(here, &messages::EXPECTED, "ELSE is the last branch of an IF: END_IF is missing here");
                 }
             } else {
                 break;
@@ -249,7 +249,7 @@ impl Cursor<'_, '_> {
         }
         if self.said() == said {
             let here = self.here();
-            self.report(here, &codes::EXPECTED, "between the values of a CASE stands a comma, behind them a colon");
+            self.report(here, &messages::EXPECTED, "between the values of a CASE stands a comma, behind them a colon");
         }
         if self.at == before {
             self.bump();
@@ -290,14 +290,14 @@ impl Cursor<'_, '_> {
         self.bump();
         let is_name = self.peek().is_some_and(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local));
         if !is_name {
-            self.report(start, &codes::EXPECTED, "FOR is followed by a variable: FOR i := 1 TO 10 DO");
+            self.report(start, &messages::EXPECTED, "FOR is followed by a variable: FOR i := 1 TO 10 DO");
             self.skip_statement();
             return None;
         }
         let variable = self.reference();
         if !self.eat(Kind::Assign) {
             let here = self.here();
-            self.report(here, &codes::EXPECTED, "FOR is followed by an assignment: FOR i := 1 TO 10 DO");
+            self.report(here, &messages::EXPECTED, "FOR is followed by an assignment: FOR i := 1 TO 10 DO");
         }
         let first = self.expression();
         self.word("TO");
@@ -336,7 +336,7 @@ impl Cursor<'_, '_> {
             return;
         }
         let here = self.here();
-        self.report(here, &codes::EXPECTED, format!("{word} is missing"));
+        self.report(here, &messages::EXPECTED, format!("{word} is missing"));
         // What is left of the head is skipped, as far as the word or the statement goes.
         while let Some(token) = self.peek() {
             let reserved = token.kind == Kind::Word && is_reserved(self.text(token));
@@ -355,7 +355,7 @@ impl Cursor<'_, '_> {
             return;
         }
         let message = format!("{word} is missing for the statement that begins here");
-        self.report(start, &codes::EXPECTED, message);
+        self.report(start, &messages::EXPECTED, message);
     }
 
     fn semicolon(&mut self) {
@@ -373,11 +373,11 @@ impl Cursor<'_, '_> {
         };
         let behind = self.behind();
         if ended {
-            self.report(behind, &codes::MISSING_SEMICOLON, "a semicolon is missing after this");
+            self.report(behind, &messages::MISSING_SEMICOLON, "a semicolon is missing after this");
             return;
         }
         let here = self.here();
-        self.report(here, &codes::MISSING_SEMICOLON, "the statement should end here with a semicolon");
+        self.report(here, &messages::MISSING_SEMICOLON, "the statement should end here with a semicolon");
         self.skip_statement();
     }
 

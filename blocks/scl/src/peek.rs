@@ -5,8 +5,8 @@ use ob1_stl::front::Span;
 
 use crate::address::add_index;
 use crate::check::Checker;
-use crate::codes;
 use crate::convert::explicit;
+use crate::messages;
 use crate::syntax::Arg;
 use crate::tree::{Base, Check, Kind, Side, Typed, Var};
 use crate::types::{BLOCK_DB, BOOL, BYTE, DINT, DWORD, WORD, is_bits, is_whole};
@@ -69,7 +69,7 @@ impl<'c> Checker<'c> {
             _ => {
                 let message =
                     "the area is a constant: 16#81 inputs, 16#82 outputs, 16#83 bit memory, 16#84 a data block";
-                self.report(area.span, &codes::FUNCTION_ARGUMENTS, message);
+                self.report(area.span, &messages::FUNCTION_ARGUMENTS, message);
                 return None;
             }
         };
@@ -90,7 +90,7 @@ impl<'c> Checker<'c> {
                 Some(number @ 1..) => return Some(Base::Db(number)),
                 _ => {
                     let message = "the number of a data block is 1 to 65535";
-                    self.report(db.span, &codes::FUNCTION_ARGUMENTS, message);
+                    self.report(db.span, &messages::FUNCTION_ARGUMENTS, message);
                     return None;
                 }
             },

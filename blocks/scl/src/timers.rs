@@ -6,7 +6,7 @@ use ob1_stl::front::Span;
 
 use crate::check::Checker;
 use crate::code::Code;
-use crate::codes;
+use crate::messages;
 use crate::syntax::Arg;
 use crate::tree::{Check, Kind, Stage, Timed, Typed};
 use crate::types::{BOOL, COUNTER, S5TIME, TIMER, WORD};
@@ -96,7 +96,7 @@ impl<'c> Checker<'c> {
                 (Some(slot @ None), Some(value)) => *slot = Some(value),
                 _ => {
                     let message = format!("{function} takes {}, each by its name", names.join(", "));
-                    self.report(span, &codes::FUNCTION_ARGUMENTS, message);
+                    self.report(span, &messages::FUNCTION_ARGUMENTS, message);
                     return None;
                 }
             }
@@ -116,7 +116,7 @@ impl<'c> Checker<'c> {
             _ => {}
         }
         let what = if *ty == TIMER { "T_NO takes a timer: T3" } else { "C_NO takes a counter: C3" };
-        self.report(span, &codes::FUNCTION_ARGUMENTS, format!("{name}: {what}"));
+        self.report(span, &messages::FUNCTION_ARGUMENTS, format!("{name}: {what}"));
         None
     }
 
@@ -129,7 +129,7 @@ impl<'c> Checker<'c> {
     ) -> Option<()> {
         let Some(target) = target else { return Some(()) };
         if !matches!(target.kind, Kind::Var(_)) {
-            self.report(target.span, &codes::NOT_WRITABLE, "an output takes a variable");
+            self.report(target.span, &messages::NOT_WRITABLE, "an output takes a variable");
             return None;
         }
         self.mark_written(&target);

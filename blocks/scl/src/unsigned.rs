@@ -6,8 +6,8 @@ use ob1_model::DataType;
 use ob1_stl::front::{Constant, Span};
 
 use crate::check::Checker;
-use crate::codes;
 use crate::convert::{by, explicit};
+use crate::messages;
 use crate::syntax::Operator;
 use crate::tree::{Check, Kind, Typed, Unsigned};
 use crate::types::{DINT, DWORD, REAL, is_bits, rank};
@@ -103,7 +103,12 @@ impl<'c> Checker<'c> {
         let whole = matches!(operator, Operator::Arithmetic(AccuOp::Add | AccuOp::Sub | AccuOp::Mul));
         if *ty == DataType::DWord && !whole {
             let message = "UDINT and DWORD are not divided by signed numbers, and not compared with them";
-            self.report_with(value.span, &codes::NOT_SUPPORTED, message, "Convert it: UDINT_TO_DINT(...).".to_owned());
+            self.report_with(
+                value.span,
+                &messages::NOT_SUPPORTED,
+                message,
+                "Convert it: UDINT_TO_DINT(...).".to_owned(),
+            );
             return None;
         }
         explicit(value, &DINT)

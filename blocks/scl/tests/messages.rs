@@ -220,11 +220,11 @@ fn nesting_is_bounded() {
 
 #[test]
 fn the_page_lists_every_number() {
-    let mut page = "# Diagnostics of the SCL compiler\n\nMade from the table in `blocks/scl/src/codes.rs`; a test holds the two \
+    let mut page = "# Diagnostics of the SCL compiler\n\nMade from the table in `blocks/scl/src/messages.rs`; a test holds the two \
                     together (`UPDATE=1 cargo test -p ob1-scl`\nwrites this page anew). Declarations, constants and names have \
                     the numbers of [STL](stl-errors.md).\n\n| Number | Kind | What | Remedy |\n|---|---|---|---|\n"
         .to_owned();
-    for code in ob1_scl::codes::ALL {
+    for code in ob1_scl::messages::ALL {
         page += &format!("| {} | {} | {} | {} |\n", code.number, code.severity.name(), code.title, code.remedy);
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scl-errors.md");

@@ -3,7 +3,7 @@
 use ob1_ir::{Number, Operand, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr};
 
-use crate::codes;
+use crate::messages;
 use crate::operand::Resolver;
 use crate::reader::Reader;
 use crate::token::{Kind, Span};
@@ -43,8 +43,8 @@ impl Resolver<'_> {
             let span = span.to(first).to(reader.here());
             let text = reader.slice(span);
             match letter_for_digit(text).or_else(|| ninth_bit(text)) {
-                Some(remedy) => reader.sink.report_with(reader.index, span, &codes::ADDRESS, message, remedy),
-                None => reader.report(span, &codes::ADDRESS, message),
+                Some(remedy) => reader.sink.report_with(reader.index, span, &messages::ADDRESS, message, remedy),
+                None => reader.report(span, &messages::ADDRESS, message),
             }
         }
         at
@@ -70,7 +70,7 @@ impl Resolver<'_> {
                 let pointer = reader.eat(Kind::Comma).and_then(|_| reader.eat(Kind::PointerSign));
                 let offset = pointer.and_then(|_| reader.eat(Kind::Number)).and_then(|t| bit_address(reader.text(t)));
                 let Some(offset) = offset else {
-                    reader.report(span, &codes::INDIRECT, "register-indirect is written [AR1,P#2.0]");
+                    reader.report(span, &messages::INDIRECT, "register-indirect is written [AR1,P#2.0]");
                     return None;
                 };
                 Place::Register(area, register, offset)
@@ -81,13 +81,13 @@ impl Resolver<'_> {
                     (Some(area), Some(pointer)) => Place::Memory(area, pointer),
                     _ => {
                         let message = "memory-indirect takes a fixed double word of M, L, DB or DI: DBW [MD 184]";
-                        reader.report(span, &codes::INDIRECT, message);
+                        reader.report(span, &messages::INDIRECT, message);
                         return None;
                     }
                 }
             }
             other => {
-                reader.report(span, &codes::INDIRECT, format!("{} cannot hold an address", other.describe()));
+                reader.report(span, &messages::INDIRECT, format!("{} cannot hold an address", other.describe()));
                 return None;
             }
         };
@@ -97,7 +97,7 @@ impl Resolver<'_> {
 
     pub(crate) fn close(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<()> {
         if reader.eat(Kind::RightBracket).is_none() {
-            reader.report(span, &codes::INDIRECT, "the address is not closed with ]");
+            reader.report(span, &messages::INDIRECT, "the address is not closed with ]");
             return None;
         }
         Some(())
@@ -113,7 +113,11 @@ impl Resolver<'_> {
                 _ => None,
             };
             let Some(pointer) = pointer else {
-                reader.report(span, &codes::INDIRECT, "the number must be in a fixed word of M, L, DB or DI: [MW 50]");
+                reader.report(
+                    span,
+                    &messages::INDIRECT,
+                    "the number must be in a fixed word of M, L, DB or DI: [MW 50]",
+                );
                 return None;
             };
             self.close(reader, span)?;
@@ -123,7 +127,7 @@ impl Resolver<'_> {
         let number = text.parse().ok();
         if number.is_none() {
             let span = span.to(reader.here());
-            reader.report(span, &codes::NUMBER, "a number from 0 to 65535 is expected here");
+            reader.report(span, &messages::NUMBER, "a number from 0 to 65535 is expected here");
         }
         number.map(Number::Fixed)
     }

@@ -1,8 +1,8 @@
 //! Which set of mnemonics a source is written in, found by the words that exist in one set only.
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::identifiers::Identifier;
+use crate::messages;
 use crate::mnemonics::Mnemonics;
 use crate::parser::split_digits;
 use crate::token::{File, Kind, Token};
@@ -144,7 +144,7 @@ pub(crate) fn decide(files: &[Option<&File<'_>>], words: [&Words; 2], sink: &mut
                 "{} has different meanings in German and international mnemonics, and no other word decides which are meant",
                 file.of(*token)
             );
-            sink.report(index, token.span, &codes::AMBIGUOUS_SET, message);
+            sink.report(index, token.span, &messages::AMBIGUOUS_SET, message);
         }
         sets.push(match told {
             Told::Set(set) => *set,

@@ -2,8 +2,8 @@
 
 use ob1_ir::{Op, Stmt};
 
-use crate::codes;
 use crate::diagnostic::Sink;
+use crate::messages;
 use crate::syntax::Block;
 
 /// Entries of the nesting stack [STL reference, "Nesting stack"].
@@ -31,10 +31,10 @@ pub(crate) fn check(block: &Block, code: &[Stmt], sink: &mut Sink) {
             _ => None,
         };
         if let Some(message) = message {
-            sink.report(block.file, statement.span, &codes::BRACKETS, message);
+            sink.report(block.file, statement.span, &messages::BRACKETS, message);
         }
     }
     for span in [bits.first(), mcr.first()].into_iter().flatten().copied() {
-        sink.report(block.file, span, &codes::BRACKETS, "the bracket is not closed in this block");
+        sink.report(block.file, span, &messages::BRACKETS, "the bracket is not closed in this block");
     }
 }

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Operand, Place, Target};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
 
-use crate::codes;
 use crate::constant::{Constant, PointerConstant};
 use crate::diagnostic::USES;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit, misread};
 use crate::identifiers::BlockWord;
 use crate::lower::{Lowerer, fixed, peripheral_output};
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::reach::Reached;
@@ -49,12 +49,12 @@ impl<'l> Lowerer<'l, '_> {
                     (target, instance) = (Target::Local(id, at), Some(Number::Fixed(db)));
                 }
                 (Instance::Own(fb, _) | Instance::Within(fb, ..), _) => {
-                    reader.report(span, &codes::INSTANCE, format!("this is an instance of {fb}"));
+                    reader.report(span, &messages::INSTANCE, format!("this is an instance of {fb}"));
                     return None;
                 }
             }
         }
-        if !reader.finish(&codes::TOO_MUCH) {
+        if !reader.finish(&messages::TOO_MUCH) {
             return None;
         }
         let (Target::Block(id) | Target::Local(id, _)) = target else {
@@ -86,7 +86,7 @@ impl<'l> Lowerer<'l, '_> {
         if self.around.opens_db() && args.iter().any(of_open_block) {
             let message = "another actual of this call changes the DB register, so that DBX, DBB, DBW, DBD mean another data \
                            block; write DB10.DBW 4";
-            self.sink.report(self.index, span, &codes::NOT_SUPPORTED, message);
+            self.sink.report(self.index, span, &messages::NOT_SUPPORTED, message);
             return None;
         }
         Some(call_op(mode, target, instance, args))
@@ -95,7 +95,7 @@ impl<'l> Lowerer<'l, '_> {
     fn no_actuals(&mut self, statement: &Statement, what: &str) {
         let Some(token) = statement.args.first().and_then(|a| self.file.tokens.get(a.name)).copied() else { return };
         let message = format!("{what} take no parameters");
-        self.sink.report(self.index, token.span, &codes::ACTUAL_SYNTAX, message);
+        self.sink.report(self.index, token.span, &messages::ACTUAL_SYNTAX, message);
     }
 
     /// Checks the instance data block against the FB called; asks for it when no source declares it.
@@ -114,12 +114,12 @@ impl<'l> Lowerer<'l, '_> {
         match instance {
             None if needs => {
                 let message = format!("{id} needs an instance data block: CALL {id}, DB n");
-                self.sink.report(self.index, span, &codes::INSTANCE, message);
+                self.sink.report(self.index, span, &messages::INSTANCE, message);
                 return None;
             }
             Some(_) if !needs => {
                 let message = "only a CALL of a function block has an instance data block";
-                self.sink.report(self.index, span, &codes::INSTANCE, message);
+                self.sink.report(self.index, span, &messages::INSTANCE, message);
                 return None;
             }
             _ => {}
@@ -132,7 +132,7 @@ impl<'l> Lowerer<'l, '_> {
                     let message = format!("DB {db} is in no source; it is created as an instance of {id}");
                     let remedy =
                         format!("Nothing has to be done; or declare it: DATA_BLOCK DB {db} {id} BEGIN END_DATA_BLOCK");
-                    self.sink.report_with(self.index, span, &codes::INSTANCE_MADE, message, remedy);
+                    self.sink.report_with(self.index, span, &messages::INSTANCE_MADE, message, remedy);
                     None
                 }
                 Some(other) if *other == id => None,
@@ -143,7 +143,7 @@ impl<'l> Lowerer<'l, '_> {
             Some(ob1_ir::DataKind::Global) => Some(format!("DB {db} is a global data block, not an instance of {id}")),
         };
         if let Some(message) = wrong {
-            self.sink.report(self.index, span, &codes::INSTANCE, message);
+            self.sink.report(self.index, span, &messages::INSTANCE, message);
             return None;
         }
         Some(())
@@ -159,13 +159,13 @@ impl<'l> Lowerer<'l, '_> {
             let Some(formal) = info.find(name).and_then(|declaration| info.formal(declaration)) else {
                 let known = info.interface.formals().map(|p| p.name.as_str());
                 let message = format!("{} has no parameter {name}", called(id, info));
-                self.sink.report_unknown(self.index, token.span, &codes::UNKNOWN_PARAMETER, message, name, known);
+                self.sink.report_unknown(self.index, token.span, &messages::UNKNOWN_PARAMETER, message, name, known);
                 good = false;
                 continue;
             };
             if given.insert(formal, actual).is_some() {
                 let message = format!("{name} is supplied twice");
-                self.sink.report(self.index, token.span, &codes::SUPPLIED_TWICE, message);
+                self.sink.report(self.index, token.span, &messages::SUPPLIED_TWICE, message);
                 good = false;
             }
         }
@@ -188,7 +188,7 @@ impl<'l> Lowerer<'l, '_> {
             let what =
                 if missing.len() == 1 { "an actual parameter is missing" } else { "actual parameters are missing" };
             let message = format!("{what} in the call of {}: {}", called(id, info), missing.join(", "));
-            self.sink.report(self.index, statement.span, &codes::MISSING_PARAMETER, message);
+            self.sink.report(self.index, statement.span, &messages::MISSING_PARAMETER, message);
         }
         (good && missing.is_empty()).then_some(args)
     }
@@ -204,7 +204,7 @@ impl<'l> Lowerer<'l, '_> {
         let span = reader.rest();
         let peripheral = peripheral_output(resolver, &reader).filter(|_| formal.ty.elementary_bits().is_some());
         let value = resolver.operand(&mut reader)?;
-        if !reader.finish(&codes::TOO_MUCH) {
+        if !reader.finish(&messages::TOO_MUCH) {
             return None;
         }
         let wrong_side = match (peripheral, formal.section) {
@@ -215,14 +215,14 @@ impl<'l> Lowerer<'l, '_> {
         if let Some((side, used, wanted)) = wrong_side {
             let message = format!("peripheral {side}, and {} of {id} is {used}", formal.name);
             let remedy = format!("Supply {wanted} of the periphery, or a memory word that the program copies.");
-            reader.sink.report_with(reader.index, span, &codes::PARAMETER_TYPE, message, remedy);
+            reader.sink.report_with(reader.index, span, &messages::PARAMETER_TYPE, message, remedy);
             return None;
         }
         // A pointer names the place that is written; with every other constant the result is lost.
         let loses = matches!(&value, Value::Constant(c) if !matches!(c, Constant::Pointer(_)));
         if loses && writes(formal.section) {
             let message = format!("{} of {id} is written to; a constant cannot take the value", formal.name);
-            reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
+            reader.report(span, &messages::CONSTANT_FOR_OUTPUT, message);
         }
         let actual_type = match &value {
             Value::Memory { ty, .. } => *ty,
@@ -232,7 +232,7 @@ impl<'l> Lowerer<'l, '_> {
         if actual_type.is_some_and(|ty| misread(&formal.ty, ty)) {
             let is = with_article(formal.ty.name());
             let message = format!("{} of {id} is {is}, this is {}", formal.name, value.describe());
-            reader.report(span, &codes::MISREAD, message);
+            reader.report(span, &messages::MISREAD, message);
         }
         if let Value::Constant(Constant::Pointer(pointer)) = value {
             self.check_end(formal, pointer, span);
@@ -251,14 +251,14 @@ impl<'l> Lowerer<'l, '_> {
             Err(Misfit::Type(described)) => {
                 let message =
                     format!("{} of {id} is {}, this is {described}", formal.name, with_article(formal.ty.name()));
-                self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+                self.sink.report(self.index, span, &messages::PARAMETER_TYPE, message);
                 None
             }
             Err(Misfit::Constant(message)) => {
                 self.sink.report(
                     self.index,
                     span,
-                    &codes::CONSTANT_TYPE,
+                    &messages::CONSTANT_TYPE,
                     format!("{} of {id}: {message}", formal.name),
                 );
                 None
@@ -277,7 +277,7 @@ impl Lowerer<'_, '_> {
         let (len, end) = (data.image.len(), (u64::from(pointer.at.0) + bits).div_ceil(8));
         if end > len as u64 {
             let message = format!("DB {} has {len} bytes, this goes on to byte {}", pointer.db, end - 1);
-            self.sink.report(self.index, span, &codes::BEYOND_DATA_BLOCK, message);
+            self.sink.report(self.index, span, &messages::BEYOND_DATA_BLOCK, message);
         }
     }
 }
@@ -317,7 +317,7 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
     let shown: String = name.chars().take(32).collect();
     let key = format!("CALL {}", name.to_uppercase());
     let symbols = resolver.world.symbols.keys().map(String::as_str);
-    reader.sink.missing(&key, reader.index, token.span, &codes::NO_BLOCK, |sink| {
+    reader.sink.missing(&key, reader.index, token.span, &messages::NO_BLOCK, |sink| {
         let message = format!("{shown} is no block here: {USES}, and neither the program nor the library has it");
         let near = sink.nearest(name, symbols).map(|near| format!("Did you mean {near}?"));
         (message, near.unwrap_or_else(|| tia::instead(name).to_owned()))
@@ -352,7 +352,7 @@ fn target(
         }
         other => format!("{} cannot be called", other.describe()),
     };
-    reader.report(span, &codes::CALL_TARGET, wrong);
+    reader.report(span, &messages::CALL_TARGET, wrong);
     None
 }
 
@@ -403,7 +403,7 @@ fn instance_of(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<I
         value => match data_type(resolver, &value) {
             Some(fb) => within(reader, fb, &value, span),
             None => {
-                reader.report(span, &codes::INSTANCE, "the instance data block should follow the comma: DB 50");
+                reader.report(span, &messages::INSTANCE, "the instance data block should follow the comma: DB 50");
                 None
             }
         },
@@ -438,7 +438,7 @@ fn within(reader: &mut Reader<'_, '_>, fb: BlockId, value: &Value<'_>, span: Spa
         ),
         _ => OF_PARAMETER,
     };
-    reader.sink.report_with(reader.index, span, &codes::NOT_SUPPORTED, message, remedy);
+    reader.sink.report_with(reader.index, span, &messages::NOT_SUPPORTED, message, remedy);
     None
 }
 

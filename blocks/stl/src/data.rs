@@ -3,10 +3,10 @@
 use ob1_ir::DataKind;
 use ob1_model::{BitAddr, BlockId, Component, DataType, Field, Layout, Section};
 
-use crate::codes;
 use crate::elaborate::{Elaborator, LONGEST, Resolved};
 use crate::fields::FieldIndex;
 use crate::initial;
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::path;
@@ -22,7 +22,7 @@ impl Elaborator<'_> {
         let Some(shape) = &block.shape else {
             let message =
                 "the data block has no structure: STRUCT .. END_STRUCT, a UDT, or the FB it is an instance of";
-            self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, message);
+            self.sink.report(block.file, block.span, &messages::NO_STRUCTURE, message);
             return;
         };
         // A data block may have nothing yet; no other structure may.
@@ -40,14 +40,14 @@ impl Elaborator<'_> {
             (_, ty) => global_data(ty),
         };
         let Some(mut data) = data else {
-            self.sink.report(block.file, shape.span, &codes::NO_STRUCTURE, "a data block needs a structure");
+            self.sink.report(block.file, shape.span, &messages::NO_STRUCTURE, "a data block needs a structure");
             return;
         };
         if data.image.len() > LONGEST as usize {
             self.sink.report(
                 block.file,
                 block.span,
-                &codes::TOO_LONG,
+                &messages::TOO_LONG,
                 format!("the data block is longer than {LONGEST} bytes"),
             );
             return;
@@ -98,19 +98,19 @@ impl Elaborator<'_> {
         let name = match reader.peek_kind() {
             Some(Kind::Word | Kind::Symbol | Kind::Local) => reader.next().map_or("", |t| unquote(reader.text(t))),
             _ => {
-                reader.report(whole, &codes::ASSIGNMENT, "the name of a component is expected here");
+                reader.report(whole, &messages::ASSIGNMENT, "the name of a component is expected here");
                 return None;
             }
         };
         let Some(component) = data.find(name) else {
             let known = data.components.iter().map(|c| c.path.as_str());
             let message = format!("the data block has no component {name}");
-            reader.sink.report_unknown(file, whole, &codes::COMPONENT, message, name, known);
+            reader.sink.report_unknown(file, whole, &messages::COMPONENT, message, name, known);
             return None;
         };
         let resolver = Resolver::new(&self.world, self.sets.of(file), None);
         let (ty, at) = path::follow(&resolver, &mut reader, fields, &component.ty, component.at, &mut Vec::new())?;
-        if !reader.finish(&codes::ASSIGNMENT) {
+        if !reader.finish(&messages::ASSIGNMENT) {
             return None;
         }
         let mut reader = Reader::new(file, source, self.sink, assignment.value.clone(), whole);

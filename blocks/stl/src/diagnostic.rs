@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use crate::codes::{self, Code, Severity};
+use crate::messages::{self, Code, Severity};
 use crate::source::Source;
 use crate::token::Span;
 
@@ -197,7 +197,7 @@ impl Sink {
     /// A comment reaches to the end of a source: that nothing behind it is there follows from it.
     pub(crate) fn open_comment(&mut self, file: usize, span: Span, close: &str) {
         self.open_comments.insert(file);
-        self.report(file, span, &codes::NOT_CLOSED, format!("the comment is not closed with {close}"));
+        self.report(file, span, &messages::NOT_CLOSED, format!("the comment is not closed with {close}"));
     }
 
     /// A finding with the remedy of its table row.
@@ -243,7 +243,7 @@ impl Sink {
     /// Reports that a source is not STL, and nothing else about it.
     pub fn foreign(&mut self, file: usize, message: &str, remedy: &str) {
         self.foreign.insert(file);
-        self.report_with(file, Span::default(), &codes::OTHER_LANGUAGE, message, remedy);
+        self.report_with(file, Span::default(), &messages::OTHER_LANGUAGE, message, remedy);
     }
 
     /// A finding about an unknown word: the remedy names the nearest known one.
@@ -302,9 +302,9 @@ impl Sink {
         }
         let foreign = std::mem::take(&mut self.foreign);
         let follows =
-            |r: &Raw| std::ptr::eq(r.code, &raw const codes::MISSING_END) && self.open_comments.contains(&r.file);
+            |r: &Raw| std::ptr::eq(r.code, &raw const messages::MISSING_END) && self.open_comments.contains(&r.file);
         self.raw.retain(|r| !follows(r));
-        self.raw.retain(|r| !foreign.contains(&r.file) || std::ptr::eq(r.code, &raw const codes::OTHER_LANGUAGE));
+        self.raw.retain(|r| !foreign.contains(&r.file) || std::ptr::eq(r.code, &raw const messages::OTHER_LANGUAGE));
         self.raw.sort_by_key(|r| (r.file, r.span.start));
     }
 
@@ -391,7 +391,7 @@ impl Sink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codes;
+    use crate::messages;
 
     #[test]
     fn a_finding_is_shown_with_its_line_and_a_caret() {
@@ -400,7 +400,7 @@ mod tests {
         sink.report_with(
             0,
             Span { start: 8, end: 10 },
-            &codes::UNKNOWN_OPERAND,
+            &messages::UNKNOWN_OPERAND,
             "MX is not an operand",
             "Did you mean MW?",
         );
@@ -416,7 +416,7 @@ mod tests {
     fn an_endless_line_is_clipped_around_the_finding() {
         let source = Source::new("a", "x".repeat(1000));
         let mut sink = Sink::new();
-        sink.report(0, Span { start: 500, end: 900 }, &codes::UNKNOWN_MNEMONIC, "m");
+        sink.report(0, Span { start: 500, end: 900 }, &messages::UNKNOWN_MNEMONIC, "m");
         let found = sink.finish(&[&source.text()]);
         let text = render(&found[0], &source);
         assert!(text.lines().all(|l| l.len() < 200), "{text}");
@@ -428,7 +428,7 @@ mod tests {
         let mut sink = Sink::new();
         for file in [2, 0, 2, 1] {
             let says = |_: &mut Sink| ("UDT 9".to_owned(), String::new());
-            sink.missing("UDT 9", file, Span::default(), &codes::UNUSABLE_TYPE, says);
+            sink.missing("UDT 9", file, Span::default(), &messages::UNUSABLE_TYPE, says);
         }
         let found = sink.finish(&["", "", ""]);
         assert_eq!((found.len(), found[0].message.as_str()), (1, "UDT 9: 4 uses in 3 files"));

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Interface, Layout, Param, Section, is_organization_block};
 
 use crate::auto::Sets;
-use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::Sink;
 use crate::identifiers::BlockWord;
 use crate::initial;
 use crate::library::Library;
+use crate::messages;
 use crate::numbering::numbered::Numbered;
 use crate::operand::Resolver;
 use crate::parse_types::{TYPE_DEPTH, type_words};
@@ -161,7 +161,7 @@ impl<'e> Elaborator<'e> {
                         None => String::new(),
                     };
                     let message = format!("{} {} occurs twice{place}", name.0.name(), name.1);
-                    self.sink.report(block.file, block.span, &codes::DUPLICATE_BLOCK, message);
+                    self.sink.report(block.file, block.span, &messages::DUPLICATE_BLOCK, message);
                 }
                 !twice
             });
@@ -170,14 +170,14 @@ impl<'e> Elaborator<'e> {
                 if name.0 == BlockWord::Ob && !is_organization_block(name.1) {
                     let message =
                         format!("nothing calls OB {}: no CPU has an organization block of this number", name.1);
-                    self.sink.report(block.file, block.span, &codes::NEVER_CALLED, message);
+                    self.sink.report(block.file, block.span, &messages::NEVER_CALLED, message);
                 }
                 let id = name.0.kind().map(|kind| BlockId::new(kind, name.1));
                 self.world.own.extend(id);
                 if let Some(known) = id.and_then(|id| self.library.get(id)).filter(|known| !known.yields) {
                     let by = if known.origin.is_empty() { "the library" } else { known.origin.as_str() };
                     let message = format!("{} {} is both this block and {} of {by}", name.0.name(), name.1, known.name);
-                    self.sink.report(block.file, block.span, &codes::ALSO_IN_LIBRARY, message);
+                    self.sink.report(block.file, block.span, &messages::ALSO_IN_LIBRARY, message);
                 }
             }
             self.names.push(name);
@@ -196,7 +196,7 @@ impl<'e> Elaborator<'e> {
         if !fits {
             let message =
                 format!("{} {number} cannot be the name of this block; write {} n", word.name(), expected.name());
-            self.sink.report(block.file, block.span, &codes::BLOCK_NAME, message);
+            self.sink.report(block.file, block.span, &messages::BLOCK_NAME, message);
         }
         fits
     }
@@ -214,7 +214,7 @@ impl<'e> Elaborator<'e> {
                 self.sink.report(
                     file,
                     span,
-                    &codes::UNKNOWN_SYMBOL,
+                    &messages::UNKNOWN_SYMBOL,
                     format!("\"{symbol}\" is not the symbol of a block"),
                 );
                 None
@@ -228,7 +228,7 @@ impl<'e> Elaborator<'e> {
                 let known = symbols.keys().map(String::as_str).chain(type_words().map(|w| -> &str { w }));
                 let shown: String = symbol.chars().take(64).collect();
                 let message = format!("{shown} is not a data type");
-                self.sink.report_unknown(file, span, &codes::UNKNOWN_TYPE, message, symbol, known);
+                self.sink.report_unknown(file, span, &messages::UNKNOWN_TYPE, message, symbol, known);
                 None
             }
             None => {
@@ -252,7 +252,7 @@ impl<'e> Elaborator<'e> {
                     self.sink.report(
                         file,
                         span,
-                        &codes::TOO_MUCH_DATA,
+                        &messages::TOO_MUCH_DATA,
                         "the program declares more data than any CPU holds",
                     );
                 }
@@ -262,7 +262,7 @@ impl<'e> Elaborator<'e> {
     }
 
     pub(crate) fn too_long(&mut self, file: usize, span: Span, what: &str) {
-        self.sink.report(file, span, &codes::TOO_LONG, format!("{what} is longer than {LONGEST} bytes"));
+        self.sink.report(file, span, &messages::TOO_LONG, format!("{what} is longer than {LONGEST} bytes"));
     }
 
     pub(crate) fn not_twice(
@@ -274,7 +274,7 @@ impl<'e> Elaborator<'e> {
         let fresh = names.insert(declaration.name.to_uppercase(), ()).is_none();
         if !fresh {
             let message = format!("{} is declared twice", declaration.name);
-            self.sink.report(file, declaration.span, &codes::DECLARED_TWICE, message);
+            self.sink.report(file, declaration.span, &messages::DECLARED_TWICE, message);
         }
         fresh
     }
@@ -469,7 +469,7 @@ impl<'e> Elaborator<'e> {
     ) -> Option<DataType> {
         let Some(below) = before.iter().find(|p| p.is_called(over)).map(|p| p.ty.clone()) else {
             let message = format!("{over} is not declared before it, so AT cannot overlay it");
-            self.sink.report(file, declaration.span, &codes::UNKNOWN_LOCAL, message);
+            self.sink.report(file, declaration.span, &messages::UNKNOWN_LOCAL, message);
             return None;
         };
         let resolved = self.ty(file, &declaration.ty, nesting)?;
@@ -478,12 +478,12 @@ impl<'e> Elaborator<'e> {
         let special = |ty: &DataType| ty.is_parameter_type() || matches!(ty, DataType::Pointer) && !scl;
         if resolved.fb.is_some() || special(&resolved.ty) || special(&below) {
             let message = "AT overlays values only, not instances, timers, counters or blocks";
-            self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+            self.sink.report(file, declaration.span, &messages::TYPE_NOT_HERE, message);
             return None;
         }
         if needed(&resolved.ty) > Layout::bits(&below).max(8) {
             let message = format!("{} is longer than {over}, which it overlays", declaration.name);
-            self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+            self.sink.report(file, declaration.span, &messages::TYPE_NOT_HERE, message);
             return None;
         }
         Some(resolved.ty)
@@ -496,7 +496,7 @@ impl<'e> Elaborator<'e> {
             self.sink.report(
                 file,
                 declaration.span,
-                &codes::INITIAL_VALUE,
+                &messages::INITIAL_VALUE,
                 "a constant has a value: name : TYPE := 5;",
             );
             return None;
@@ -507,7 +507,7 @@ impl<'e> Elaborator<'e> {
         }
         let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens, declaration.span);
         let constant = resolver.constant(&mut reader)?;
-        reader.finish(&codes::INITIAL_VALUE);
+        reader.finish(&messages::INITIAL_VALUE);
         Some(match (constant, &declaration.ty.kind) {
             // The type says how wide a number is.
             (Constant::Integer(v), TypeKind::Simple(DataType::DInt)) => {
@@ -528,7 +528,7 @@ impl<'e> Elaborator<'e> {
         }
         if formals > FORMALS {
             let message = format!("a block has at most {FORMALS} parameters");
-            self.sink.report(block.file, block.span, &codes::TOO_MANY_PARAMETERS, message);
+            self.sink.report(block.file, block.span, &messages::TOO_MANY_PARAMETERS, message);
             return None;
         }
         Some(())
@@ -553,7 +553,7 @@ impl<'e> Elaborator<'e> {
             || resolved.ty == DataType::Any && section == Section::Static;
         if wrong {
             let message = format!("{} cannot be declared in this section", with_article(&declared_type(&resolved)));
-            self.sink.report(block.file, declaration.span, &codes::TYPE_NOT_HERE, message);
+            self.sink.report(block.file, declaration.span, &messages::TYPE_NOT_HERE, message);
             return None;
         }
         let of_function = block.frame == Frame::Fc && section == Section::Input;
@@ -561,12 +561,17 @@ impl<'e> Elaborator<'e> {
             (block.frame == Frame::Fb && section != Section::Temp || of_function) && resolved.fb.is_none();
         let mut param = Param::new(&declaration.name, section, resolved.ty);
         if declaration.initial.is_some() && (!takes_initial || section == Section::InOut && param.ty.is_composed()) {
-            self.sink.report(block.file, declaration.span, &codes::INITIAL_VALUE, "a start value is not allowed here");
+            self.sink.report(
+                block.file,
+                declaration.span,
+                &messages::INITIAL_VALUE,
+                "a start value is not allowed here",
+            );
         } else {
             param.initial = self.start_value(block.file, declaration.initial.as_ref(), declaration.span, &param.ty);
             if of_function && param.initial.is_some() {
                 let message = format!("the start value of {} has no effect: each call supplies it", param.name);
-                self.sink.report(block.file, declaration.span, &codes::START_OF_INPUT, message);
+                self.sink.report(block.file, declaration.span, &messages::START_OF_INPUT, message);
             }
         }
         Some((param, resolved.fb))

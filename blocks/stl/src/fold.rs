@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::codes;
 use crate::constant::Constant;
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::reader::Reader;
@@ -76,7 +76,7 @@ fn combined(
 ) -> Option<Constant> {
     let result = apply(operator, left, right);
     if result.is_none() {
-        reader.report(span, &codes::CONSTANT, format!("{operator} gives no constant here"));
+        reader.report(span, &messages::CONSTANT, format!("{operator} gives no constant here"));
     }
     result
 }

@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use ob1_ir::CodeBlock;
 use ob1_model::BlockId;
 
-pub use crate::codes::Code;
 pub use crate::constant::{Constant, Encoded, PointerConstant};
 pub use crate::diagnostic::{Sink, USES};
 pub use crate::fields::FieldIndex;
 pub use crate::fit::same_layout;
 pub use crate::identifiers::{BlockWord, Identifier};
 pub use crate::initial::write_default;
+pub use crate::messages::Code;
 pub use crate::numbering::OF_FUNCTIONS;
 pub use crate::operand::Resolver;
 pub use crate::parse_types::simple_types;

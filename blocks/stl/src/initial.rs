@@ -4,9 +4,9 @@ use ob1_ir::Number;
 use ob1_model::calendar::{self, DAYS_TO_1990};
 use ob1_model::{BitAddr, DataType, Layout, cells};
 
-use crate::codes;
 use crate::constant::{Constant, Encoded};
 use crate::identifiers::BlockWord;
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parser::split_digits;
 use crate::reader::Reader;
@@ -69,7 +69,7 @@ pub(crate) fn read(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &Da
         DataType::Array(dims, element) => array(resolver, reader, dims, element, size(ty))?,
         _ => constant(resolver, reader, ty)?,
     };
-    reader.finish(&codes::INITIAL_VALUE).then_some(value)
+    reader.finish(&messages::INITIAL_VALUE).then_some(value)
 }
 
 fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
@@ -93,7 +93,7 @@ fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType)
             Some(bytes[4 - size(ty).min(4)..].to_vec())
         }
         Err(message) => {
-            reader.report(span, &codes::CONSTANT_TYPE, message);
+            reader.report(span, &messages::CONSTANT_TYPE, message);
             None
         }
     }
@@ -124,7 +124,7 @@ fn number(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -
     };
     if fits.is_none() {
         let message = format!("{} is given by its number, this is {}", with_article(ty.name()), value.describe());
-        reader.report(span, &codes::CONSTANT_TYPE, message);
+        reader.report(span, &messages::CONSTANT_TYPE, message);
     }
     fits.map(|n| n.to_be_bytes().to_vec())
 }
@@ -179,7 +179,7 @@ fn array(
         }
         if count.is_some() && reader.eat(Kind::RightParen).is_none() {
             let span = reader.here();
-            reader.report(span, &codes::INITIAL_VALUE, "the repeated value is not closed with )");
+            reader.report(span, &messages::INITIAL_VALUE, "the repeated value is not closed with )");
             return None;
         }
         for value in group.iter().cycle().take(group.len().saturating_mul(count.unwrap_or(1)).min(places.len() + 1)) {
@@ -187,7 +187,7 @@ fn array(
                 Some(at) => put(&mut image, *at, element, value),
                 None => {
                     let message = format!("the array has {} elements, more values are given", places.len());
-                    reader.report(start, &codes::INITIAL_VALUE, message);
+                    reader.report(start, &messages::INITIAL_VALUE, message);
                     return None;
                 }
             }
@@ -198,7 +198,7 @@ fn array(
         }
     }
     if bracket && reader.eat(Kind::RightBracket).is_none() {
-        reader.report(start, &codes::INITIAL_VALUE, "the list of values is not closed with ]");
+        reader.report(start, &messages::INITIAL_VALUE, "the list of values is not closed with ]");
         return None;
     }
     let mut one = vec![0; size(element)];

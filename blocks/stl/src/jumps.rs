@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use ob1_ir::{Jump, Op, Stmt};
 use ob1_model::BlockId;
 
-use crate::codes;
 use crate::diagnostic::Sink;
+use crate::messages;
 use crate::reader::Reader;
 use crate::syntax::Block;
 use crate::token::{File, Span};
@@ -37,11 +37,16 @@ impl<'l> Labels<'l> {
             let name = file.of(token);
             if name.chars().count() > LABEL_LENGTH {
                 let message = format!("STEP 7 labels have at most {LABEL_LENGTH} characters");
-                sink.report(block.file, token.span, &codes::LONG_LABEL, message);
+                sink.report(block.file, token.span, &messages::LONG_LABEL, message);
             }
             if own.contains_key(name) {
                 let shown: String = name.chars().take(32).collect();
-                sink.report(block.file, token.span, &codes::DUPLICATE_LABEL, format!("the label {shown} occurs twice"));
+                sink.report(
+                    block.file,
+                    token.span,
+                    &messages::DUPLICATE_LABEL,
+                    format!("the label {shown} occurs twice"),
+                );
             } else {
                 own.insert(name, at);
             }
@@ -57,11 +62,11 @@ impl<'l> Labels<'l> {
         let shown: String = name.chars().take(32).collect();
         if let Some(block) = self.elsewhere.get(name) {
             let message = format!("the label {shown} is in {block}");
-            reader.report(span, &codes::LABEL_ELSEWHERE, message);
+            reader.report(span, &messages::LABEL_ELSEWHERE, message);
         } else {
             let known = self.own.keys().copied();
             let message = format!("the block has no label {shown}");
-            reader.sink.report_unknown(reader.index, span, &codes::UNKNOWN_LABEL, message, name, known);
+            reader.sink.report_unknown(reader.index, span, &messages::UNKNOWN_LABEL, message, name, known);
         }
         None
     }
@@ -87,7 +92,7 @@ pub(crate) fn jump_lists(block: &Block, code: &mut [Stmt], sink: &mut Sink) {
                     _ => Some("more than 255 SPA follow"),
                 };
                 if let (Some(message), Some(statement)) = (wrong, block.statements.get(at)) {
-                    sink.report(block.file, statement.span, &codes::JUMP_LIST, message);
+                    sink.report(block.file, statement.span, &messages::JUMP_LIST, message);
                 }
                 *targets = std::mem::take(&mut run).into_boxed_slice();
             }

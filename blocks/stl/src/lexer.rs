@@ -1,7 +1,7 @@
 //! Text to tokens. Never fails: other text becomes a token of the kind `Bad`, with a diagnostic.
 
-use crate::codes;
 use crate::diagnostic::Sink;
+use crate::messages;
 use crate::parser::{HEADER_LINES, begins_block, ends_head, is_section};
 use crate::token::{Kind, Span, Token};
 
@@ -419,7 +419,7 @@ impl<'a> Lexer<'a> {
         self.sink.report(
             self.file,
             span,
-            &codes::NOT_CLOSED,
+            &messages::NOT_CLOSED,
             format!("the {what} is not closed with {quote} on this line"),
         );
         Kind::Bad
@@ -435,7 +435,7 @@ impl<'a> Lexer<'a> {
             }
             _ => {
                 let span = Span { start: self.at as u32 - 1, end: self.at as u32 };
-                self.sink.report(self.file, span, &codes::STRAY_CHARACTER, "a name is missing after #");
+                self.sink.report(self.file, span, &messages::STRAY_CHARACTER, "a name is missing after #");
                 Kind::Bad
             }
         }
@@ -450,7 +450,7 @@ impl<'a> Lexer<'a> {
         } else {
             self.skip_line();
             let span = Span { start: start as u32, end: self.at as u32 };
-            self.sink.report(self.file, span, &codes::NOT_CLOSED, "the list is not closed with }");
+            self.sink.report(self.file, span, &messages::NOT_CLOSED, "the list is not closed with }");
         }
         Kind::Attributes
     }
@@ -497,7 +497,7 @@ impl<'a> Lexer<'a> {
                 let shown: String = self.text.get(start..self.at).unwrap_or("").chars().take(8).collect();
                 let language = if self.scl { "SCL" } else { "STL" };
                 let message = format!("{} means nothing in {language}", shown.escape_debug());
-                self.sink.report(self.file, span, &codes::STRAY_CHARACTER, message);
+                self.sink.report(self.file, span, &messages::STRAY_CHARACTER, message);
                 Kind::Bad
             }
         }

@@ -11,7 +11,6 @@ mod address;
 mod auto;
 mod brackets;
 mod call;
-pub mod codes;
 #[allow(missing_docs, reason = "what front ends share; the names are those of the language")]
 mod constant;
 mod data;
@@ -41,6 +40,7 @@ mod lints;
 mod listing;
 mod literal;
 mod lower;
+pub mod messages;
 mod mnemonics;
 mod names;
 mod near;
@@ -91,10 +91,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use codes::Severity;
 pub use diagnostic::{Diagnostic, Limit, Rest, USES, excerpt, printable, render, render_all};
 pub use library::{CANDIDATES, Candidate, KEY, Library, LibraryBlock, Missing};
 pub use listing::listing;
+pub use messages::Severity;
 pub use mnemonics::Mnemonics;
 pub use near::nearest;
 pub use numbering::Numbered;
@@ -253,7 +253,7 @@ fn file<'t>(index: usize, text: &'t str, other: Option<Other>, scl: bool, sink: 
     }
     if text.len() > LONGEST_SOURCE {
         let message = format!("the source has {} bytes", text.len());
-        sink.report(index, Span::default(), &codes::SOURCE_TOO_LONG, message);
+        sink.report(index, Span::default(), &messages::SOURCE_TOO_LONG, message);
         return File { text: "", tokens: Vec::new() };
     }
     let tokens = if scl { lexer::lex_scl(index, text, sink) } else { lexer::lex(index, text, sink) };
@@ -309,9 +309,9 @@ fn lower_all(
     for (db, file, span) in found.opened {
         let id = BlockId::new(ob1_model::BlockKind::Db, db);
         if !world.data.contains_key(&db) && !found.wanted.contains_key(&db) && !world.own.contains(&id) {
-            sink.missing(&format!("AUF DB {db}"), file, span, &codes::DB_NOT_THERE, |_| {
+            sink.missing(&format!("AUF DB {db}"), file, span, &messages::DB_NOT_THERE, |_| {
                 let message = format!("DB {db} is opened, but is in no source: {}", diagnostic::USES);
-                (message, codes::DB_NOT_THERE.remedy.to_owned())
+                (message, messages::DB_NOT_THERE.remedy.to_owned())
             });
         }
     }

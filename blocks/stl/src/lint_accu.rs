@@ -2,9 +2,9 @@
 
 use ob1_ir::Op;
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, callee, leaves};
+use crate::messages;
 
 /// Reports statements that use an accumulator which nothing has loaded since a CALL: the block called, and what STEP 7
 /// puts around the call, leave something else there. Looked at up to the next label.
@@ -24,7 +24,7 @@ pub(crate) fn lost(i: &Inspected<'_>, sink: &mut Sink) {
         if needed > *loaded {
             let which = if *loaded == 0 { "ACCU1" } else { "ACCU2" };
             let message = format!("{which} is used here, but the CALL in line {line} has changed it");
-            sink.report(i.block.file, i.span(at), &codes::ACCU_LOST, message);
+            sink.report(i.block.file, i.span(at), &messages::ACCU_LOST, message);
             call = None;
             continue;
         }

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use ob1_ir::{BitTest, Jump, Op, StatusBit};
 use ob1_model::BlockId;
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, callee, leaves};
+use crate::messages;
 use crate::token::Span;
 
 /// What changes BR, named as a message names it.
@@ -40,7 +40,7 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
         }
         if let (Some(by), Some(save)) = (sets(&stmt.op), saved) {
             let message = format!("nothing reads the BR that SAVE sets before {by} in line {} changes it", stmt.line);
-            sink.report(i.block.file, i.span(save), &codes::BR_MISUSED, message);
+            sink.report(i.block.file, i.span(save), &messages::BR_MISUSED, message);
             saved = None;
         }
         if leaves(&stmt.op) || matches!(stmt.op, Op::Jump(..) | Op::Loop(_)) {
@@ -89,7 +89,7 @@ impl BrUse {
         for (id, file, span) in &self.asks {
             if self.sets.get(id) == Some(&false) {
                 let message = format!("{id} never sets BR, so this reads the BR from before the call");
-                sink.report(*file, *span, &codes::BR_MISUSED, message);
+                sink.report(*file, *span, &messages::BR_MISUSED, message);
             }
         }
     }

@@ -3,9 +3,9 @@
 
 use ob1_ir::Op;
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::Inspected;
+use crate::messages;
 use crate::token::{File, Kind};
 
 /// Reports `L T#200MS` in front of a statement that starts a timer.
@@ -23,7 +23,7 @@ pub(crate) fn started_with_a_time(i: &Inspected<'_>, file: &File<'_>, sink: &mut
             let shown: String = time.chars().take(32).collect();
             let message = format!("T#{shown} is no S5TIME, which the timer takes");
             let remedy = format!("Write S5T#{shown}; TIME is for SFB 3 to 5.");
-            sink.report_with(i.block.file, i.span(at), &codes::TIME_FOR_TIMER, message, remedy);
+            sink.report_with(i.block.file, i.span(at), &messages::TIME_FOR_TIMER, message, remedy);
         }
     }
 }
@@ -40,7 +40,7 @@ pub(crate) fn long_without_sign(i: &Inspected<'_>, file: &File<'_>, sink: &mut S
         let value = if is_negative && value <= 0xFFFF { i32::from(value as i16) } else { value as i32 };
         if is_whole && i16::try_from(value).is_err() {
             let message = format!("{value} is no INT");
-            sink.report_with(i.block.file, i.span(at), &codes::LONG_CONSTANT, message, format!("Write L#{value}."));
+            sink.report_with(i.block.file, i.span(at), &messages::LONG_CONSTANT, message, format!("Write L#{value}."));
         }
     }
 }

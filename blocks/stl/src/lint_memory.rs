@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use ob1_ir::{Operand, Place, Width};
 use ob1_model::{Area, BitAddr, BlockId};
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::Inspected;
+use crate::messages;
 use crate::token::Span;
 
 /// Where an operand was first used.
@@ -71,7 +71,7 @@ impl MemoryUse {
                 "{mine} and {other} share bytes; {other} is used in {}, network {}, line {}",
                 place.block, place.network, place.line
             );
-            sink.report(first.file, first.span, &codes::MEMORY_OVERLAP, message);
+            sink.report(first.file, first.span, &messages::MEMORY_OVERLAP, message);
         }
     }
 }

@@ -3,9 +3,9 @@
 use ob1_ir::{Arg, Op, Place};
 use ob1_model::{BlockKind, Section};
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, written};
+use crate::messages;
 
 /// Most passes over a block. Each carries along what backward jumps bring; what is not settled after the last is not
 /// reported.
@@ -36,7 +36,7 @@ pub(crate) fn unassigned_outputs(i: &Inspected<'_>, sink: &mut Sink) {
     for (bit, (_, name)) in outputs.iter().enumerate() {
         if at_end.get(bit / 64).is_some_and(|word| word >> (bit % 64) & 1 == 0) {
             let message = format!("{name} is not assigned on every path through {}", i.id);
-            sink.report(i.block.file, i.block.span, &codes::OUTPUT_UNASSIGNED, message);
+            sink.report(i.block.file, i.block.span, &messages::OUTPUT_UNASSIGNED, message);
         }
     }
 }

@@ -8,7 +8,6 @@ use std::collections::BTreeSet;
 use ob1_ir::{Op, Place, Stmt};
 use ob1_model::{BlockId, BlockKind, Section};
 
-use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, written};
 use crate::lint_accu;
@@ -16,6 +15,7 @@ use crate::lint_br::{self, BrUse};
 use crate::lint_constant;
 use crate::lint_memory::MemoryUse;
 use crate::lint_paths;
+use crate::messages;
 use crate::syntax::Block;
 use crate::token::File;
 use crate::world::Info;
@@ -95,7 +95,7 @@ fn inputs_written(i: &Inspected<'_>, sink: &mut Sink) {
         let effect =
             if i.id.kind == BlockKind::Fc { "the caller's operand" } else { "the instance, up to the next call" };
         let message = format!("{} is an input; this writes to {effect}", param.name);
-        sink.report(i.block.file, i.span(at), &codes::INPUT_WRITTEN, message);
+        sink.report(i.block.file, i.span(at), &messages::INPUT_WRITTEN, message);
     }
 }
 
@@ -105,7 +105,7 @@ fn unused_labels(i: &Inspected<'_>, file: &File<'_>, sink: &mut Sink) {
         if !i.is_target(at) {
             let shown: String = file.of(token).chars().take(32).collect();
             let message = format!("nothing jumps to the label {shown}");
-            sink.report(i.block.file, token.span, &codes::UNUSED_LABEL, message);
+            sink.report(i.block.file, token.span, &messages::UNUSED_LABEL, message);
         }
     }
 }

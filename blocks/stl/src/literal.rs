@@ -5,10 +5,10 @@ use ob1_ir::{Number, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
-use crate::codes;
 use crate::constant::{self, Constant, PointerConstant, ToParam};
 use crate::fold;
 use crate::identifiers::{BlockWord, Identifier};
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parser::{split_digits, unquote};
 use crate::reader::Reader;
@@ -69,7 +69,7 @@ impl Resolver<'_> {
             _ => Err("a constant is expected here".into()),
         };
         let span = token.map_or(span, |t| span.to(t.span));
-        result.map_err(|message| reader.report(span, &codes::CONSTANT, message)).ok()
+        result.map_err(|message| reader.report(span, &messages::CONSTANT, message)).ok()
     }
 
     /// `(1, 2)` or `(1, 2, 3, 4)` after `B#`.
@@ -97,7 +97,7 @@ impl Resolver<'_> {
     /// Reads what follows `P#`.
     fn pointer(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<PointerConstant> {
         let wrong = |reader: &mut Reader<'_, '_>| {
-            reader.report(span, &codes::POINTER, "a pointer is written P#12.0, P#M 3.0 or P#DB10.DBX0.0 BYTE 12");
+            reader.report(span, &messages::POINTER, "a pointer is written P#12.0, P#M 3.0 or P#DB10.DBX0.0 BYTE 12");
             None
         };
         let mut db = 0;
@@ -150,7 +150,7 @@ impl Resolver<'_> {
         let Value::Memory { operand, ty } = *value else {
             reader.report(
                 span,
-                &codes::POINTER,
+                &messages::POINTER,
                 format!("P# takes the address of a component, this is {}", value.describe()),
             );
             return None;
@@ -159,7 +159,7 @@ impl Resolver<'_> {
             Place::Fixed(area, at) => (area, at, 0),
             Place::InDb(db, at) => (Area::Db, at, db),
             _ => {
-                reader.report(span, &codes::POINTER, "the address of this is known only at run time");
+                reader.report(span, &messages::POINTER, "the address of this is known only at run time");
                 return None;
             }
         };
@@ -182,7 +182,7 @@ impl Resolver<'_> {
         match (code, count) {
             (Some(code), Some(count)) => Some(Some((code, count))),
             _ => {
-                reader.report(span, &codes::POINTER, "the length of an ANY is written BYTE 12");
+                reader.report(span, &messages::POINTER, "the length of an ANY is written BYTE 12");
                 None
             }
         }
@@ -217,7 +217,7 @@ impl Resolver<'_> {
             }
             Value::Memory { .. } | Value::Through { .. } => {
                 let message = "the address of this is known only at run time; P## takes whole parameters, temps and instance data";
-                reader.report(span, &codes::NOT_SUPPORTED, message);
+                reader.report(span, &messages::NOT_SUPPORTED, message);
                 return None;
             }
             // The number lies in the instance.
@@ -226,11 +226,11 @@ impl Resolver<'_> {
             | Value::Block(_, Number::Instance(at)) => (Area::Di, at),
             Value::Timer(_) | Value::Counter(_) | Value::Block(..) => {
                 let message = "a TIMER, COUNTER or BLOCK parameter of a function is a number and has no address";
-                reader.report(span, &codes::NOT_SUPPORTED, message);
+                reader.report(span, &messages::NOT_SUPPORTED, message);
                 return None;
             }
             _ => {
-                reader.report(span, &codes::POINTER, "P## takes a variable");
+                reader.report(span, &messages::POINTER, "P## takes a variable");
                 return None;
             }
         };

@@ -8,7 +8,6 @@ use ob1_ir::{
 use ob1_model::{Area, BitAddr, BlockId, DataType};
 
 use crate::auto::Sets;
-use crate::codes;
 use crate::constant::{Constant, ToParam};
 use crate::diagnostic::Sink;
 use crate::elaborate::LONGEST;
@@ -16,6 +15,7 @@ use crate::expand::{self, Around, Hidden};
 use crate::identifiers::{BlockWord, Identifier};
 use crate::jumps::Labels;
 use crate::lints::Whole;
+use crate::messages;
 use crate::mnemonics::{Row, Shape};
 use crate::operand::Resolver;
 use crate::reader::Reader;
@@ -104,7 +104,12 @@ pub(crate) fn lower(
     let used = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
     let own = used.next_multiple_of(2);
     if own + hidden.bytes() > LONGEST {
-        sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
+        sink.report(
+            block.file,
+            block.span,
+            &messages::TOO_LONG,
+            format!("the local data is longer than {LONGEST} bytes"),
+        );
         return None;
     }
     let is_whole = around.is_empty() && info.initial_call.is_none();
@@ -151,7 +156,7 @@ impl Lowerer<'_, '_> {
         let mut reader = self.reader(statement.operand.clone(), statement.span);
         let mut around = Around::default();
         let op = operation(resolver, &mut reader, row, statement.span, &mut hidden, &mut around);
-        let complete = op.is_some() && reader.finish(&codes::TOO_MUCH);
+        let complete = op.is_some() && reader.finish(&messages::TOO_MUCH);
         self.hidden = hidden;
         let op = self.pointing(op?, &mut around);
         self.around = around;
@@ -173,12 +178,12 @@ impl Lowerer<'_, '_> {
         let mut reader = self.reader(statement.operand.clone(), statement.span);
         let span = reader.here();
         let Some(token) = reader.eat(Kind::Word) else {
-            reader.report(span, &codes::UNKNOWN_LABEL, "a jump takes a label");
+            reader.report(span, &messages::UNKNOWN_LABEL, "a jump takes a label");
             return None;
         };
         let name = reader.text(token);
         let to = labels.find(name, &mut reader, span)?;
-        reader.finish(&codes::TOO_MUCH).then_some(to)
+        reader.finish(&messages::TOO_MUCH).then_some(to)
     }
 }
 
@@ -224,7 +229,7 @@ fn operation(
         (Value::Indexed { .. }, Shape::LoadAr(AddressRegister::Ar1))
         | (Value::Through { .. } | Value::Indexed { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
             let message = "reaching this needs AR1, so the value of AR1 is lost; use a temp in between";
-            reader.report(span, &codes::NOT_SUPPORTED, message);
+            reader.report(span, &messages::NOT_SUPPORTED, message);
             return None;
         }
         (Value::Indexed { operand, through, terms, ty }, _) => {
@@ -243,11 +248,11 @@ fn operation(
         Err(Wrong::Operand) => {
             let mnemonic = reader.file.slice(head);
             let message = format!("{mnemonic} takes {}, this is {}", takes(&row.shape), value.describe());
-            reader.report(span, &codes::WRONG_OPERAND, message);
+            reader.report(span, &messages::WRONG_OPERAND, message);
             None
         }
         Err(Wrong::Constant(message)) => {
-            reader.report(span, &codes::CONSTANT, message);
+            reader.report(span, &messages::CONSTANT, message);
             None
         }
     }
@@ -268,7 +273,7 @@ fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: 
     } else {
         "peripheral outputs are only written: L takes a peripheral input"
     };
-    reader.report(span, &codes::WRONG_OPERAND, message);
+    reader.report(span, &messages::WRONG_OPERAND, message);
     None
 }
 
@@ -335,7 +340,7 @@ fn counted(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: &Shape) -
         _ => (byte(255).map(|_| Op::Nop), "0 to 255"),
     };
     if op.is_none() {
-        reader.report(span, &codes::CONSTANT, format!("the number is {range}"));
+        reader.report(span, &messages::CONSTANT, format!("the number is {range}"));
     }
     op
 }

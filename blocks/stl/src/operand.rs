@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use ob1_ir::{AddressRegister, Number, Operand, Place, StatusBit, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Section};
 
-use crate::codes;
 use crate::constant::Constant;
 use crate::identifiers::{BlockWord, Identifier, RELATIONS};
+use crate::messages;
 use crate::parser::{split_digits, unquote};
 use crate::path::{self, Indices};
 use crate::reader::Reader;
@@ -57,7 +57,7 @@ impl<'w> Resolver<'w> {
     /// Reads the operand within `[ ]`.
     pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
-            reader.report(span, &codes::INDIRECT, "an indirect address cannot be at an indirect address itself");
+            reader.report(span, &messages::INDIRECT, "an indirect address cannot be at an indirect address itself");
             return None;
         }
         Self { nested: true, ..*self }.operand(reader)
@@ -67,7 +67,7 @@ impl<'w> Resolver<'w> {
     pub(crate) fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
         let span = reader.here();
         let Some(token) = reader.peek() else {
-            reader.report(span, &codes::OPERAND_MISSING, "an operand is missing");
+            reader.report(span, &messages::OPERAND_MISSING, "an operand is missing");
             return None;
         };
         match token.kind {
@@ -147,14 +147,14 @@ impl<'w> Resolver<'w> {
         let shown: String = text.chars().take(32).collect();
         if self.words.is_foreign(letters) {
             let (message, remedy) = self.words.foreign(letters);
-            reader.sink.report_with(reader.index, token.span, &codes::FOREIGN_MNEMONIC, message, remedy);
+            reader.sink.report_with(reader.index, token.span, &messages::FOREIGN_MNEMONIC, message, remedy);
         } else if reader.peek_kind() == Some(Kind::Dot) || text.len() > LONGEST_IDENTIFIER {
             // No identifier is that long or has a component: it is a symbol without its quotes.
             self.world.report_unknown_symbol(text, reader.index, token.span, reader.sink);
         } else {
             let message = format!("{shown} is not an operand");
             let known = self.words.identifier_words();
-            reader.sink.report_unknown(reader.index, token.span, &codes::UNKNOWN_OPERAND, message, letters, known);
+            reader.sink.report_unknown(reader.index, token.span, &messages::UNKNOWN_OPERAND, message, letters, known);
         }
         None
     }
@@ -225,7 +225,7 @@ impl<'w> Resolver<'w> {
                 let place = self.place(reader, area, width, digits, span)?;
                 if area == Area::Di && self.block.is_some_and(|(_, info)| info.optimized) {
                     let message = "the instance of this block is optimised, so it has no addresses";
-                    reader.report(span, &codes::OPTIMIZED, message);
+                    reader.report(span, &messages::OPTIMIZED, message);
                     return None;
                 }
                 let (operand, ty) = path::sliced(reader, Operand { width, place });
@@ -236,7 +236,7 @@ impl<'w> Resolver<'w> {
                 if reader.peek_kind() != Some(Kind::LeftBracket) {
                     reader.report(
                         span,
-                        &codes::UNKNOWN_OPERAND,
+                        &messages::UNKNOWN_OPERAND,
                         "B, W and D alone take an address register: W [AR1,P#0.0]",
                     );
                     return None;
@@ -265,7 +265,7 @@ impl<'w> Resolver<'w> {
         }
         if width == Width::Bit {
             let message = "the periphery has no bits here: load or transfer the byte, and take the bit from there";
-            reader.report(reader.here(), &codes::NOT_SUPPORTED, message);
+            reader.report(reader.here(), &messages::NOT_SUPPORTED, message);
             return None;
         }
         reader.next();
@@ -296,7 +296,7 @@ impl<'w> Resolver<'w> {
                 other => {
                     reader.report(
                         span,
-                        &codes::WRONG_OPERAND,
+                        &messages::WRONG_OPERAND,
                         format!("a data block is needed, this is {}", other.describe()),
                     );
                     None
@@ -305,7 +305,7 @@ impl<'w> Resolver<'w> {
         }
         let number = self.number(reader, digits, span)?;
         if data && number == Number::Fixed(0) {
-            reader.report(span, &codes::NUMBER, "data blocks are numbered from 1");
+            reader.report(span, &messages::NUMBER, "data blocks are numbered from 1");
             return None;
         }
         match number {
@@ -345,7 +345,7 @@ impl<'w> Resolver<'w> {
             _ => {
                 reader.report(
                     span,
-                    &codes::COMPONENT,
+                    &messages::COMPONENT,
                     "DBX, DBB, DBW, DBD or a component's name should follow the point",
                 );
                 return None;
@@ -359,7 +359,7 @@ impl<'w> Resolver<'w> {
         let Some(component) = data.find(name) else {
             let known = data.components.iter().map(|c| c.path.as_str());
             let message = format!("DB {db} has no component {name}");
-            reader.sink.report_unknown(reader.index, name_span, &codes::COMPONENT, message, name, known);
+            reader.sink.report_unknown(reader.index, name_span, &messages::COMPONENT, message, name, known);
             return None;
         };
         let mut terms = Vec::new();
@@ -372,7 +372,7 @@ impl<'w> Resolver<'w> {
     pub fn refuse_optimized(&self, reader: &mut Reader<'_, '_>, db: u16, span: Span) -> Option<()> {
         if self.world.data.get(&db).is_some_and(|data| data.optimized) {
             let message = format!("DB {db} is optimised, so it has no addresses");
-            reader.report(span, &codes::OPTIMIZED, message);
+            reader.report(span, &messages::OPTIMIZED, message);
             return None;
         }
         Some(())
@@ -383,7 +383,7 @@ impl<'w> Resolver<'w> {
         let Some(data) = self.world.data.get(&db) else { return };
         if (at.byte() + width.bytes()) as usize > data.image.len() {
             let message = format!("DB {db} has {} bytes, this is beyond its end", data.image.len());
-            reader.report(span, &codes::BEYOND_DATA_BLOCK, message);
+            reader.report(span, &messages::BEYOND_DATA_BLOCK, message);
         }
     }
 
@@ -408,7 +408,7 @@ impl<'w> Resolver<'w> {
             Some(Symbolic::Counter(n)) => Some(Value::Counter(Number::Fixed(*n))),
             Some(Symbolic::Unknown(address)) => {
                 let message = format!("the symbol table gives \"{name}\" the address {address}, which is not valid");
-                reader.report(span, &codes::UNKNOWN_SYMBOL, message);
+                reader.report(span, &messages::UNKNOWN_SYMBOL, message);
                 None
             }
             Some(Symbolic::Nameless) => None,
@@ -433,16 +433,16 @@ impl<'w> Resolver<'w> {
             if self.block.is_some() && self.world.symbol(name).is_some() {
                 let shown: String = name.chars().take(32).collect();
                 let message = format!("#{shown} is not declared in this block; the symbol \"{shown}\" is taken");
-                reader.report(span, &codes::LOCAL_IS_SHARED, message);
+                reader.report(span, &messages::LOCAL_IS_SHARED, message);
                 return self.symbol(reader, name, span);
             }
             let known = self.block.into_iter().flat_map(|(_, i)| &i.interface.params).map(|p| p.name.as_str());
             let shown: String = name.chars().take(64).collect();
             let key = format!("#{} {}", reader.index, name.to_uppercase());
-            reader.sink.missing(&key, reader.index, span, &codes::UNKNOWN_LOCAL, |sink| {
+            reader.sink.missing(&key, reader.index, span, &messages::UNKNOWN_LOCAL, |sink| {
                 let near = sink.nearest(name, known);
-                let remedy =
-                    near.map_or_else(|| codes::UNKNOWN_LOCAL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+                let remedy = near
+                    .map_or_else(|| messages::UNKNOWN_LOCAL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
                 (format!("#{shown} is not declared in this block"), remedy)
             });
             return None;
@@ -450,7 +450,7 @@ impl<'w> Resolver<'w> {
         let param = info.interface.params.get(index)?;
         if info.unsupplied.contains(&index) {
             let message = format!("nothing supplies the input #{} of this organization block", param.name);
-            reader.report(span, &codes::OB_INPUT, message);
+            reader.report(span, &messages::OB_INPUT, message);
         }
         let ty = overlay.unwrap_or(&param.ty);
         if let Some(fb) = info.instances.get(&index) {
@@ -485,7 +485,7 @@ impl<'w> Resolver<'w> {
         if !terms.is_empty() && formal.is_some() && !in_instance {
             let message =
                 "the address of a parameter of a function is known only at run time, and so is that of its element";
-            reader.report(span, &codes::NOT_SUPPORTED, message);
+            reader.report(span, &messages::NOT_SUPPORTED, message);
             return None;
         }
         let place = match formal {
@@ -517,7 +517,7 @@ impl<'w> Resolver<'w> {
             if !terms.is_empty() {
                 let message =
                     "an instance can be called with a fixed index only, not with one that is known at run time";
-                reader.report(span, &codes::NOT_SUPPORTED, message);
+                reader.report(span, &messages::NOT_SUPPORTED, message);
                 return None;
             }
             return Some(Value::Instance(fb, at));

@@ -2,7 +2,7 @@
 
 use ob1_ir::CallMode;
 
-use crate::codes;
+use crate::messages;
 use crate::mnemonics::{Row, Shape};
 use crate::parser::{Parser, keywords, split_digits};
 use crate::syntax::{Actual, Assignment, Block, Statement, Tokens};
@@ -84,7 +84,7 @@ impl Parser<'_, '_> {
         }
         if self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign) {
             let message = format!("{shown} := does not follow a CALL");
-            self.report(head.span, &codes::STRAY_ACTUAL, message);
+            self.report(head.span, &messages::STRAY_ACTUAL, message);
             return;
         }
         let (letters, digits) = split_digits(text);
@@ -92,48 +92,48 @@ impl Parser<'_, '_> {
         if head.kind == Kind::Word && behind == Some(Kind::Word) && !digits.is_empty() {
             let message = format!("{shown} is not a mnemonic");
             let remedy = format!("If it is a label, write {shown}: with a colon.");
-            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         let numbered = !digits.is_empty() || behind == Some(Kind::Number);
         if head.kind == Kind::Word && numbered && self.words.identifier(letters).is_some() {
             let message = format!("the mnemonic is missing in front of the operand {shown}");
             let remedy = "Write what is done with it, as L MW 10 or T MW 10.";
-            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         if head.kind == Kind::Word && self.words.is_foreign(text) {
             let (message, remedy) = self.words.foreign(text);
-            self.sink.report_with(self.index, head.span, &codes::FOREIGN_MNEMONIC, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::FOREIGN_MNEMONIC, message, remedy);
             return;
         }
         let next = self.peek_at(1).filter(|next| next.span.start == head.span.end).map_or("", |next| self.text(next));
         if matches!((text, next.chars().next()), ("/" | "(", Some('*'))) {
             let message = format!("{shown}* does not begin a comment in STL");
             let remedy = "A comment begins with // and ends with its line: one // in each line.";
-            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         if text.eq_ignore_ascii_case("TITLE") {
             let rest: String = self.peek_at(1).map_or("...", |next| self.text(next)).chars().take(32).collect();
             let message = "the = behind TITLE is missing";
             let remedy = format!("Write TITLE = {rest}.");
-            self.sink.report_with(self.index, head.span, &codes::MISPLACED, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::MISPLACED, message, remedy);
             return;
         }
         if keywords().any(|keyword| keyword.eq_ignore_ascii_case(text)) {
-            self.report(head.span, &codes::MISPLACED, format!("{shown} has no place among statements"));
+            self.report(head.span, &messages::MISPLACED, format!("{shown} has no place among statements"));
             return;
         }
         if self.follows_a_statement() {
             let message = format!("{shown} is not a mnemonic");
             let remedy = "A comment behind ; begins with //.";
-            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            self.sink.report_with(self.index, head.span, &messages::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         let known = self.words.mnemonic_words().chain(keywords());
         let message = format!("{shown} is not a mnemonic");
-        self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);
+        self.sink.report_unknown(self.index, head.span, &messages::UNKNOWN_MNEMONIC, message, text, known);
     }
 
     /// True behind the semicolon of a statement in the same line, with nothing but words behind: a comment without //.
@@ -231,7 +231,7 @@ impl Parser<'_, '_> {
         let span = self.here();
         let message = "the semicolon ends the call, but another actual parameter follows";
         let remedy = "Within brackets separate actual parameters by commas; the semicolon is behind the last one.";
-        self.sink.report_with(self.index, span, &codes::ACTUAL_SYNTAX, message, remedy);
+        self.sink.report_with(self.index, span, &messages::ACTUAL_SYNTAX, message, remedy);
         self.bump();
     }
 
@@ -278,7 +278,7 @@ impl Parser<'_, '_> {
             }
             let Some(name) = self.actual_name() else {
                 let span = self.here();
-                self.report(span, &codes::ACTUAL_SYNTAX, "an actual parameter is written NAME := operand");
+                self.report(span, &messages::ACTUAL_SYNTAX, "an actual parameter is written NAME := operand");
                 whole = false;
                 self.skip_actual();
                 continue;
@@ -290,12 +290,12 @@ impl Parser<'_, '_> {
                 let next = self.here();
                 let message = "a comma is missing in front of this actual parameter";
                 let remedy = "Separate actual parameters by commas.";
-                self.sink.report_with(self.index, next, &codes::ACTUAL_SYNTAX, message, remedy);
+                self.sink.report_with(self.index, next, &messages::ACTUAL_SYNTAX, message, remedy);
                 whole = false;
             }
         }
         let span = self.file.tokens[open].span;
-        self.report(span, &codes::NOT_CLOSED, "the parameter list is not closed with )");
+        self.report(span, &messages::NOT_CLOSED, "the parameter list is not closed with )");
         false
     }
 
@@ -347,7 +347,7 @@ impl Parser<'_, '_> {
         let path = from..self.at;
         if path.is_empty() || !self.eat(Kind::Assign) {
             let span = self.file.tokens.get(from).map_or(Span::default(), |t| t.span);
-            self.report(span, &codes::ASSIGNMENT, "a data block's body assigns start values: name := constant;");
+            self.report(span, &messages::ASSIGNMENT, "a data block's body assigns start values: name := constant;");
             self.skip_statement();
             if self.at == from {
                 self.bump();

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::codes;
+use crate::messages;
 use crate::parser::{FRAMES, Parser, begins_block, is_section, unquote};
 use crate::syntax::{Block, Declaration, Type};
 use crate::token::Kind;
@@ -38,7 +38,7 @@ impl Parser<'_, '_> {
                 self.bump();
             }
             if !named || !self.eat(Kind::Assign) {
-                self.report(token.span, &codes::DECLARATION, "a constant is written name := value;");
+                self.report(token.span, &messages::DECLARATION, "a constant is written name := value;");
                 self.skip_statement();
                 continue;
             }

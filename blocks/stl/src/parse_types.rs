@@ -4,8 +4,8 @@ use std::rc::Rc;
 
 use ob1_model::DataType;
 
-use crate::codes;
 use crate::identifiers::BlockWord;
+use crate::messages;
 use crate::parser::{Bodies, Parser, is_frame_or_section, unquote};
 use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::tia;
@@ -60,13 +60,13 @@ impl Parser<'_, '_> {
             if matches!(token.kind, Kind::Word | Kind::Symbol | Kind::Local) {
                 self.declaration(depth, &mut out);
             } else {
-                self.report(token.span, &codes::DECLARATION, "a declaration is written name : TYPE;");
+                self.report(token.span, &messages::DECLARATION, "a declaration is written name : TYPE;");
                 self.skip_statement();
                 self.eat(Kind::Semicolon);
             }
         }
         let remedy = format!("Write {end} after the last declaration.");
-        self.sink.report_with(self.index, head, &codes::MISSING_END, format!("{end} is missing"), remedy);
+        self.sink.report_with(self.index, head, &messages::MISSING_END, format!("{end} is missing"), remedy);
         out
     }
 
@@ -94,7 +94,7 @@ impl Parser<'_, '_> {
         }
         if !self.eat(Kind::Colon) {
             let span = self.here();
-            self.report(span, &codes::DECLARATION, "a colon and the type are missing after the name");
+            self.report(span, &messages::DECLARATION, "a colon and the type are missing after the name");
             self.skip_statement();
             self.eat(Kind::Semicolon);
             return;
@@ -161,18 +161,18 @@ impl Parser<'_, '_> {
         } else if self.peek_kind() == Some(Kind::Newline) || self.peek().is_none() {
             if !structure {
                 let span = self.here();
-                self.report(span, &codes::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
+                self.report(span, &messages::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
             }
         } else if self.keyword().is_some_and(|word| ends_declarations(&word)) {
             // What ends the section is left to it. On a new line it has ended a structure, too, which is reported.
             let on_new_line = self.at > 0 && self.file.tokens.get(self.at - 1).is_some_and(|t| t.kind == Kind::Newline);
             if !on_new_line {
                 let span = self.here();
-                self.report(span, &codes::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
+                self.report(span, &messages::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
             }
         } else {
             let span = self.here();
-            self.report(span, &codes::DECLARATION, "the declaration should end here");
+            self.report(span, &messages::DECLARATION, "the declaration should end here");
             self.skip_statement();
         }
     }
@@ -183,7 +183,7 @@ impl Parser<'_, '_> {
         self.skip_newlines();
         let span = self.here();
         if depth >= TYPE_DEPTH {
-            self.report(span, &codes::TYPE_DEPTH, format!("types are nested more than {TYPE_DEPTH} deep"));
+            self.report(span, &messages::TYPE_DEPTH, format!("types are nested more than {TYPE_DEPTH} deep"));
             self.skip_nested();
             return Type::bad(span);
         }
@@ -195,7 +195,7 @@ impl Parser<'_, '_> {
             };
         }
         let Some(word) = self.keyword() else {
-            self.report(span, &codes::UNKNOWN_TYPE, "a type is expected here");
+            self.report(span, &messages::UNKNOWN_TYPE, "a type is expected here");
             return Type::bad(span);
         };
         let kind = match &*word {
@@ -206,7 +206,7 @@ impl Parser<'_, '_> {
             }
             "STRING" => self.string(),
             _ if ends_declarations(&word) => {
-                self.report(span, &codes::UNKNOWN_TYPE, "a type is expected here");
+                self.report(span, &messages::UNKNOWN_TYPE, "a type is expected here");
                 self.at = before;
                 TypeKind::Bad
             }
@@ -223,7 +223,7 @@ impl Parser<'_, '_> {
         // STL moves it as a byte; statements of SCL would calculate with it as a number without sign.
         if word == "SINT" && self.bodies == Bodies::Scl {
             let message = "SINT has a sign, which statements of bytes do not take into account";
-            self.sink.report_with(self.index, span, &codes::TYPE_WITHOUT_STL, message, "Write INT.");
+            self.sink.report_with(self.index, span, &messages::TYPE_WITHOUT_STL, message, "Write INT.");
             self.bump();
             return TypeKind::Bad;
         }
@@ -237,7 +237,7 @@ impl Parser<'_, '_> {
         }
         if tia::without_stl(word) {
             let message = format!("STL has no statement for the type {word} of TIA Portal");
-            self.report(span, &codes::TYPE_WITHOUT_STL, message);
+            self.report(span, &messages::TYPE_WITHOUT_STL, message);
             self.bump();
             return TypeKind::Bad;
         }
@@ -248,7 +248,7 @@ impl Parser<'_, '_> {
         self.at = before;
         let known = type_words();
         let message = format!("{word} is not a data type");
-        self.sink.report_unknown(self.index, span, &codes::UNKNOWN_TYPE, message, word, known);
+        self.sink.report_unknown(self.index, span, &messages::UNKNOWN_TYPE, message, word, known);
         self.bump();
         TypeKind::Bad
     }
@@ -271,7 +271,7 @@ impl Parser<'_, '_> {
         match length.filter(|_| closed) {
             Some(n) => TypeKind::Simple(DataType::String(n)),
             None => {
-                self.report(span, &codes::STRING_LENGTH, "a STRING has a length from 1 to 254: STRING[20]");
+                self.report(span, &messages::STRING_LENGTH, "a STRING has a length from 1 to 254: STRING[20]");
                 TypeKind::Bad
             }
         }
@@ -286,7 +286,7 @@ impl Parser<'_, '_> {
         if good && self.peek().is_some_and(|token| self.text(token) == "*") {
             let message = "an array whose bounds are known at run time only (Array[*]) is not supported";
             let remedy = "Write the bounds of the array that is supplied: ARRAY [0 .. 9] OF INT.";
-            self.sink.report_with(self.index, span, &codes::TYPE_WITHOUT_STL, message, remedy);
+            self.sink.report_with(self.index, span, &messages::TYPE_WITHOUT_STL, message, remedy);
             return TypeKind::Bad;
         }
         while good {
@@ -308,7 +308,7 @@ impl Parser<'_, '_> {
         if !good {
             let message =
                 "an array is written ARRAY [low .. high, ...] OF TYPE, bounds from -32768 to 32767, low first";
-            self.report(span, &codes::ARRAY_BOUNDS, message);
+            self.report(span, &messages::ARRAY_BOUNDS, message);
             return TypeKind::Bad;
         }
         self.bump();

@@ -3,9 +3,9 @@
 
 use ob1_model::Section;
 
-use crate::codes::{self, Code};
 use crate::diagnostic::Sink;
 use crate::identifiers::BlockWord;
+use crate::messages::{self, Code};
 pub(crate) use crate::parse_scl::Bodies;
 use crate::syntax::{Block, Frame, NameRef, Statement, Type, TypeKind};
 use crate::tia;
@@ -220,9 +220,9 @@ impl<'s> Parser<'_, 's> {
         match self.sink.nearest(self.text(token), begins) {
             Some(near) => {
                 let remedy = format!("Did you mean {near}?");
-                self.sink.report_with(self.index, token.span, &codes::OUTSIDE_BLOCK, message, remedy);
+                self.sink.report_with(self.index, token.span, &messages::OUTSIDE_BLOCK, message, remedy);
             }
-            None if !reported => self.report(token.span, &codes::OUTSIDE_BLOCK, message),
+            None if !reported => self.report(token.span, &messages::OUTSIDE_BLOCK, message),
             None => {}
         }
     }
@@ -237,7 +237,7 @@ impl<'s> Parser<'_, 's> {
         if name.is_none() {
             self.report(
                 span,
-                &codes::BLOCK_NAME,
+                &messages::BLOCK_NAME,
                 "the block's name is missing: a kind and number (FC 9) or a \"symbol\"",
             );
             self.skip_statement();
@@ -316,7 +316,7 @@ impl<'s> Parser<'_, 's> {
         if !self.eat(Kind::Colon) {
             let remedy =
                 "Write the type of the function value after the name, FUNCTION FC 1 : VOID when there is none.";
-            self.sink.report_with(self.index, span, &codes::RETURN_TYPE, "the function has no return type", remedy);
+            self.sink.report_with(self.index, span, &messages::RETURN_TYPE, "the function has no return type", remedy);
             return;
         }
         if self.keyword().as_deref() == Some("VOID") {
@@ -348,7 +348,7 @@ impl<'s> Parser<'_, 's> {
             }
             let Some(word) = self.keyword() else {
                 if begin.is_some_and(|begin| self.at < begin) {
-                    self.report(token.span, &codes::HEAD, "this word does not belong in a block header");
+                    self.report(token.span, &messages::HEAD, "this word does not belong in a block header");
                     self.skip_line();
                     continue;
                 }
@@ -391,7 +391,7 @@ impl<'s> Parser<'_, 's> {
         if let Some((sign, said)) = missing {
             let message = format!("{said} is missing after {text}");
             let remedy = format!("Write {text} {sign} and its text.");
-            self.sink.report_with(self.index, token.span, &codes::HEAD, message, remedy);
+            self.sink.report_with(self.index, token.span, &messages::HEAD, message, remedy);
             return self.skip_line();
         }
         // Declarations are read, so that their names are known.
@@ -399,7 +399,7 @@ impl<'s> Parser<'_, 's> {
         let section = if opens { self.sink.nearest(word, Section::WORDS.map(|(_, word)| word)) } else { None };
         let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
         let message = format!("{text} is not a word of a block header");
-        self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, word, known);
+        self.sink.report_unknown(self.index, token.span, &messages::HEAD, message, word, known);
         match section.and_then(Section::opened_by) {
             Some(section) => self.section(block, section),
             None => self.skip_line(),
@@ -487,13 +487,13 @@ impl<'s> Parser<'_, 's> {
             // TIA Portal declares the retentive part of a data block apart.
             match block.shape.as_mut().map(|shape| &mut shape.kind) {
                 Some(TypeKind::Struct(all)) => all.extend(declarations),
-                Some(_) => self.report(head, &codes::SECTION, "the data block has a structure already"),
+                Some(_) => self.report(head, &messages::SECTION, "the data block has a structure already"),
                 None => block.shape = Some(Type { kind: TypeKind::Struct(declarations), span: head }),
             }
         } else if allowed {
             block.sections.push((section, declarations));
         } else {
-            self.report(head, &codes::SECTION, "a block of this kind has no such declaration section");
+            self.report(head, &messages::SECTION, "a block of this kind has no such declaration section");
             if matches!(block.frame, Frame::Fc | Frame::Ob) {
                 // Their uses are no mistakes of their own.
                 block.sections.push((Section::Temp, declarations));
@@ -527,7 +527,7 @@ impl<'s> Parser<'_, 's> {
                 Some(word) if FRAMES.iter().any(|(_, other, _)| *other == word) => {
                     let remedy = format!("End this block with {end}.");
                     let message = format!("{word} does not end this block");
-                    self.sink.report_with(self.index, token.span, &codes::WRONG_END, message, remedy);
+                    self.sink.report_with(self.index, token.span, &messages::WRONG_END, message, remedy);
                     self.bump();
                     return;
                 }
@@ -537,18 +537,18 @@ impl<'s> Parser<'_, 's> {
                     network = network.saturating_add(1);
                 }
                 Some("BEGIN") => {
-                    self.report(token.span, &codes::MISPLACED, "BEGIN occurs once, before the first statement");
+                    self.report(token.span, &messages::MISPLACED, "BEGIN occurs once, before the first statement");
                     self.bump();
                 }
                 _ if block.frame == Frame::Db => self.assignment(block),
                 _ if block.frame == Frame::Udt => {
-                    self.report(token.span, &codes::MISPLACED, "a TYPE has exactly one structure");
+                    self.report(token.span, &messages::MISPLACED, "a TYPE has exactly one structure");
                     self.skip_statement();
                 }
                 Some(word) if is_section(word) && self.peek_at(1).is_none_or(|t| t.kind != Kind::Colon) => {
                     let remedy = format!("Move {word} ... END_VAR in front of BEGIN.");
                     let message = "declarations stand in front of BEGIN and statements";
-                    self.sink.report_with(self.index, token.span, &codes::MISPLACED, message, remedy);
+                    self.sink.report_with(self.index, token.span, &messages::MISPLACED, message, remedy);
                     if let Some(section) = Section::opened_by(word) {
                         self.section(block, section);
                     }
@@ -561,7 +561,7 @@ impl<'s> Parser<'_, 's> {
             }
         }
         let remedy = format!("Write {end} after the block's last line.");
-        self.sink.report_with(self.index, head, &codes::MISSING_END, format!("{end} is missing"), remedy);
+        self.sink.report_with(self.index, head, &messages::MISSING_END, format!("{end} is missing"), remedy);
     }
 }
 

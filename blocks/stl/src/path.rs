@@ -3,8 +3,8 @@
 use ob1_ir::{Operand, Place, Width};
 use ob1_model::{BitAddr, DataType, Dimension, Layout};
 
-use crate::codes;
 use crate::fields::FieldIndex;
+use crate::messages;
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::{Kind, Span};
@@ -57,21 +57,21 @@ fn component<'t>(
         _ => None,
     };
     let Some(name) = name else {
-        reader.report(span, &codes::COMPONENT, "the name of a component is missing after the point");
+        reader.report(span, &messages::COMPONENT, "the name of a component is missing after the point");
         return None;
     };
     if let Some(found) = ty.elementary_bits().and_then(|bits| slice(bits, name)) {
         return Some(found);
     }
     let DataType::Struct(inner) = ty else {
-        reader.report(span, &codes::COMPONENT, format!("{} has no component {name}", with_article(ty.name())));
+        reader.report(span, &messages::COMPONENT, format!("{} has no component {name}", with_article(ty.name())));
         return None;
     };
     let found = fields.find(inner, name);
     if found.is_none() {
         let known = inner.iter().map(|f| f.name.as_str());
         let message = format!("the structure has no component {name}");
-        reader.sink.report_unknown(reader.index, span, &codes::COMPONENT, message, name, known);
+        reader.sink.report_unknown(reader.index, span, &messages::COMPONENT, message, name, known);
     }
     found
 }
@@ -82,7 +82,7 @@ fn at_run_time(indices: &dyn Indices, reader: &mut Reader<'_, '_>, ty: &DataType
     let span = reader.here();
     let value = indices.variable(reader, span)?;
     let (DataType::Array(_, element), Some((dim, inner))) = (ty, dims_from(ty, at)) else {
-        reader.report(span, &codes::ARRAY_INDEX, "only an array can have an index that is known at run time");
+        reader.report(span, &messages::ARRAY_INDEX, "only an array can have an index that is known at run time");
         return None;
     };
     // Rows begin on even bytes, as `Layout` places them.
@@ -105,7 +105,7 @@ fn at_run_time(indices: &dyn Indices, reader: &mut Reader<'_, '_>, ty: &DataType
     };
     let Some((index, int)) = fits else {
         let message = format!("an index is a number, an INT or a DINT, this is {}", value.describe());
-        reader.report(span, &codes::ARRAY_INDEX, message);
+        reader.report(span, &messages::ARRAY_INDEX, message);
         return None;
     };
     Some((Term { index, int, low: dim.low, stride }, dim.low))
@@ -182,7 +182,7 @@ fn element<'t>(
                 indices.push(low);
             }
             None => {
-                reader.report(span, &codes::ARRAY_INDEX, "the index of an array element is a number");
+                reader.report(span, &messages::ARRAY_INDEX, "the index of an array element is a number");
                 return None;
             }
         }
@@ -191,7 +191,7 @@ fn element<'t>(
         }
     }
     if reader.eat(Kind::RightBracket).is_none() {
-        reader.report(span, &codes::ARRAY_INDEX, "the index is not closed with ]");
+        reader.report(span, &messages::ARRAY_INDEX, "the index is not closed with ]");
         return None;
     }
     // A character of a STRING lies after the two bytes of its lengths.
@@ -199,12 +199,12 @@ fn element<'t>(
         let at = u32::try_from(*index).ok().filter(|i| (1..=u32::from(*max)).contains(i));
         if at.is_none() {
             let message = format!("the index is outside the STRING, which has {max} characters from 1");
-            reader.report(span, &codes::ARRAY_INDEX, message);
+            reader.report(span, &messages::ARRAY_INDEX, message);
         }
         return at.map(|i| (&CHARACTER, BitAddr::byte_addr(i + 1)));
     }
     let DataType::Array(dims, inner) = ty else {
-        reader.report(span, &codes::ARRAY_INDEX, format!("{} has no elements", with_article(ty.name())));
+        reader.report(span, &messages::ARRAY_INDEX, format!("{} has no elements", with_article(ty.name())));
         return None;
     };
     let at = Layout::element(dims, inner, &indices);
@@ -215,9 +215,9 @@ fn element<'t>(
         // Too few or too many indices are another mistake.
         if dims.len() == indices.len() {
             let remedy = format!("Write an index within [{bounds}], or declare a larger array.");
-            reader.sink.report_with(reader.index, span, &codes::ARRAY_INDEX, message, remedy);
+            reader.sink.report_with(reader.index, span, &messages::ARRAY_INDEX, message, remedy);
         } else {
-            reader.report(span, &codes::ARRAY_INDEX, message);
+            reader.report(span, &messages::ARRAY_INDEX, message);
         }
     }
     at.map(|at| (&**inner, at))

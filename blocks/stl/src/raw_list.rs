@@ -2,10 +2,10 @@
 
 use ob1_ir::{Arg, CallMode, Target};
 
-use crate::codes;
 use crate::constant::Constant;
 use crate::lexer;
 use crate::lower::Lowerer;
+use crate::messages;
 use crate::reader::Reader;
 use crate::syntax::Statement;
 use crate::token::{File, Kind, Span, Token};
@@ -27,7 +27,7 @@ impl<'s> Lowerer<'_, 's> {
         };
         if with_instance {
             let message = "a function block has its parameters in its instance; a list of pointers is for an FC or SFC";
-            self.sink.report(self.index, list.span, &codes::ACTUAL_SYNTAX, message);
+            self.sink.report(self.index, list.span, &messages::ACTUAL_SYNTAX, message);
             return None;
         }
         let inner = self.inner(list);
@@ -42,12 +42,12 @@ impl<'s> Lowerer<'_, 's> {
                 break;
             }
         }
-        if !reader.finish(&codes::ACTUAL_SYNTAX) {
+        if !reader.finish(&messages::ACTUAL_SYNTAX) {
             return None;
         }
         if args.len() > LONGEST {
             let message = format!("the list has {} pointers, a block at most {LONGEST} parameters", args.len());
-            self.sink.report(self.index, list.span, &codes::ACTUAL_SYNTAX, message);
+            self.sink.report(self.index, list.span, &messages::ACTUAL_SYNTAX, message);
             return None;
         }
         Some(args)
@@ -70,7 +70,7 @@ impl<'s> Lowerer<'_, 's> {
 fn entry(resolver: &crate::operand::Resolver<'_>, reader: &mut Reader<'_, '_>, span: Span) -> Option<u32> {
     let wrong = |reader: &mut Reader<'_, '_>| {
         let message = "the list holds pointers P#M 1.0, P#V 10.0 and numbers N#15, with commas between them";
-        reader.report(span, &codes::ACTUAL_SYNTAX, message);
+        reader.report(span, &messages::ACTUAL_SYNTAX, message);
         None
     };
     match reader.peek_kind()? {
@@ -84,7 +84,7 @@ fn entry(resolver: &crate::operand::Resolver<'_>, reader: &mut Reader<'_, '_>, s
             Constant::Pointer(p) if p.any.is_none() && p.db == 0 => Some(p.bits()),
             Constant::Bits(bits, 32) => Some(bits),
             _ => {
-                reader.report(span, &codes::POINTER, "a list holds pointers without data block and length");
+                reader.report(span, &messages::POINTER, "a list holds pointers without data block and length");
                 None
             }
         },

@@ -5,10 +5,10 @@ use ob1_ir::compose::{self, Pointee, any_length};
 use ob1_ir::{Arg, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
 
-use crate::codes;
 use crate::expand;
 use crate::fit::same_layout;
 use crate::lower::Lowerer;
+use crate::messages;
 use crate::token::Span;
 use crate::type_words::with_article;
 use crate::value::Term;
@@ -61,7 +61,7 @@ impl Lowerer<'_, '_> {
                                        supplied to a POINTER, an ANY or a composed in/out";
                         let remedy = "Copy it into a temp and supply that, or declare the parameter as ANY or \
                                       POINTER, which are handed on.";
-                        self.sink.report_with(self.index, span, &codes::PARAMETER_TYPE, message, remedy);
+                        self.sink.report_with(self.index, span, &messages::PARAMETER_TYPE, message, remedy);
                         return None;
                     }
                     _ => return Some(Reached::Value(value)),
@@ -77,7 +77,7 @@ impl Lowerer<'_, '_> {
         if by_pointer && !typed && !ty.is_some_and(|ty| same_layout(&formal.ty, ty)) {
             let message =
                 format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), value.describe());
-            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+            self.sink.report(self.index, span, &messages::PARAMETER_TYPE, message);
             return None;
         }
         if let (true, Some(callee)) = (by_pointer && !typed, self.around.callee) {
@@ -96,7 +96,7 @@ impl Lowerer<'_, '_> {
     fn of_other_type(&mut self, formal: &Param, ty: &DataType, span: Span) -> Option<Arg> {
         let message =
             format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
-        self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+        self.sink.report(self.index, span, &messages::PARAMETER_TYPE, message);
         None
     }
 
@@ -113,7 +113,7 @@ impl Lowerer<'_, '_> {
         if ty.is_composed() || formal.ty.is_composed() || operand.width == Width::Bit {
             let message = "an element with an index known at run time is supplied as value only: copy it into a temp, and \
                            a bit with U and =";
-            self.sink.report(self.index, span, &codes::NOT_SUPPORTED, message);
+            self.sink.report(self.index, span, &messages::NOT_SUPPORTED, message);
             return None;
         }
         if Width::of(&formal.ty) != Some(operand.width) {
@@ -147,7 +147,7 @@ impl Lowerer<'_, '_> {
     ) -> Option<Arg> {
         let Place::Register(_, _, offset) = operand.place else { return None };
         let refuse = |this: &mut Self, message: &str| {
-            this.sink.report(this.index, span, &codes::NOT_SUPPORTED, message);
+            this.sink.report(this.index, span, &messages::NOT_SUPPORTED, message);
             None
         };
         if ty.is_composed() && same_layout(&formal.ty, ty) {

@@ -1,7 +1,7 @@
 //! A cursor over the tokens of one operand, line ends left out.
 
-use crate::codes::Code;
 use crate::diagnostic::Sink;
+use crate::messages::Code;
 use crate::syntax::Tokens;
 use crate::token::{File, Kind, Span, Token};
 

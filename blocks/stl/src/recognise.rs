@@ -57,7 +57,7 @@ pub const EXPORT_TAGS: &str = "Export the tag table from TIA Portal as .sdf; unp
 
 /// Whether this is the number of a diagnostic about a symbol that no table has.
 pub fn names_no_symbol(code: &str) -> bool {
-    code == crate::codes::UNKNOWN_SYMBOL.number
+    code == crate::messages::UNKNOWN_SYMBOL.number
 }
 
 /// What a `.zip` begins with, and so a `.xlsx`.

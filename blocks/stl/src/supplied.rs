@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, Number, Op, Place, Target};
 use ob1_model::{BlockId, Param};
 
-use crate::codes;
 use crate::diagnostic::Sink;
+use crate::messages;
 use crate::token::Span;
 use crate::world::{World, called};
 
@@ -82,7 +82,7 @@ pub(crate) fn report(uses: &[Use], code: &[CodeBlock], world: &World, sink: &mut
             (Within::Data(db), 0) => format!("no call of {of} with DB {db} supplies {names}"),
             _ => format!("no call of this instance of {of} supplies {names}"),
         };
-        sink.report(one.file, one.span, &codes::NEVER_SUPPLIED, message);
+        sink.report(one.file, one.span, &messages::NEVER_SUPPLIED, message);
     }
 }
 

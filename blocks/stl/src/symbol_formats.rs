@@ -1,7 +1,7 @@
 //! The rows of the four forms of symbol tables. Never fails: a line that is not a row is reported and left out.
 
-use crate::codes;
 use crate::diagnostic::Sink;
+use crate::messages;
 use crate::token::Span;
 
 /// A row as written.
@@ -34,7 +34,7 @@ fn lines<'t>(text: &'t str, sink: &mut Sink) -> Vec<(Span, &'t str)> {
 }
 
 fn wrong(span: Span, message: &str, sink: &mut Sink) {
-    sink.report(0, span, &codes::TABLE_ROW, message);
+    sink.report(0, span, &messages::TABLE_ROW, message);
 }
 
 /// `"name","M 1.0","BOOL","comment"`. Quotes within a field are doubled.

@@ -11,9 +11,9 @@ use std::collections::btree_map::Entry;
 use ob1_ir::{Symbol, Width};
 use ob1_model::named;
 
-use crate::codes;
-use crate::codes::Severity;
 use crate::diagnostic::{Diagnostic, Sink};
+use crate::messages;
+use crate::messages::Severity;
 use crate::parse_types::simple_type;
 use crate::source::Source;
 use crate::symbol_formats::{self, Row};
@@ -100,7 +100,7 @@ fn read_one(source: &Source, names: &mut Names) -> SymbolTable {
     let mut symbols = Vec::new();
     if text.len() > LONGEST_TABLE {
         let message = format!("the symbol table has {} bytes", text.len());
-        sink.report(0, crate::token::Span::default(), &codes::SOURCE_TOO_LONG, message);
+        sink.report(0, crate::token::Span::default(), &messages::SOURCE_TOO_LONG, message);
     } else if let Some(form) = form(&source.name, &text, &mut sink) {
         symbols = table(form, &source.name, &text, names, &mut sink);
     }
@@ -120,7 +120,7 @@ fn form(name: &str, text: &str, sink: &mut Sink) -> Option<TableForm> {
         (said, looks) if said.or(looks).is_some() => return said.or(looks),
         _ => "the file is not a symbol table: its first line is neither SDF nor ASC, SEQ or DIF".to_owned(),
     };
-    sink.report(0, crate::token::Span { start: 0, end: 1 }, &codes::TABLE_FORM, message);
+    sink.report(0, crate::token::Span { start: 0, end: 1 }, &messages::TABLE_FORM, message);
     None
 }
 
@@ -147,7 +147,7 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
                 let first = &first.get().0;
                 let first = if first == file { String::new() } else { format!(", first in {first}") };
                 let message = format!("the symbol {} occurs twice{first}; the first one counts", symbol.name);
-                sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
+                sink.report(0, row.span, &messages::SYMBOL_TWICE, message);
             }
         }
     }
@@ -172,7 +172,7 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     // The quotes that TIA Portal leaves around a name are not part of it.
     let name = name.strip_prefix('"').and_then(|n| n.strip_suffix('"')).unwrap_or(name);
     if name.is_empty() || name.contains('"') {
-        sink.report(0, row.span, &codes::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
+        sink.report(0, row.span, &messages::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
         return None;
     }
     let comment = row.comment.trim().to_owned();
@@ -185,7 +185,7 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
                 // Whoever edits such a file by hand easily moves a column.
                 message += "; an ASC file has columns of 24, 12, 10 and 80 characters after 126,";
             }
-            sink.report(0, row.span, &codes::TABLE_ADDRESS, message);
+            sink.report(0, row.span, &messages::TABLE_ADDRESS, message);
             return None;
         }
         Symbolic::Memory(operand, _) => Some(operand.width),
@@ -198,7 +198,7 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
             symbol.ty = ty;
         } else {
             let message = format!("the type {} of {} does not fit {}", clip(&row.ty), clip(name), symbol.address);
-            sink.report(0, row.span, &codes::TABLE_TYPE, message);
+            sink.report(0, row.span, &messages::TABLE_TYPE, message);
         }
     }
     Some(symbol)

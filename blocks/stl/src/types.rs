@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Layout};
 
-use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::USES;
 use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
 use crate::identifiers::BlockWord;
+use crate::messages;
 use crate::operand::Resolver;
 use crate::parse_types::TYPE_DEPTH;
 use crate::reader::Reader;
@@ -26,7 +26,7 @@ impl Elaborator<'_> {
                 let length = self.number_of(file, length, ty.span).and_then(|n| u8::try_from(n).ok());
                 let Some(length) = length.filter(|n| (1..=254).contains(n)) else {
                     let message = "a STRING has a length from 1 to 254: STRING[20]";
-                    self.sink.report(file, ty.span, &codes::STRING_LENGTH, message);
+                    self.sink.report(file, ty.span, &messages::STRING_LENGTH, message);
                     return None;
                 };
                 Resolved { ty: DataType::String(length), fb: None, depth: 0 }
@@ -35,7 +35,7 @@ impl Elaborator<'_> {
             TypeKind::Struct(declarations) => {
                 let (fields, depth) = self.fields(file, declarations, nesting)?;
                 if fields.is_empty() {
-                    self.sink.report(file, ty.span, &codes::EMPTY_STRUCT, "the structure has no components");
+                    self.sink.report(file, ty.span, &messages::EMPTY_STRUCT, "the structure has no components");
                     return None;
                 }
                 Resolved { ty: DataType::Struct(fields), fb: None, depth: depth + 1 }
@@ -46,7 +46,7 @@ impl Elaborator<'_> {
             self.sink.report(
                 file,
                 ty.span,
-                &codes::TYPE_DEPTH,
+                &messages::TYPE_DEPTH,
                 format!("types are nested more than {TYPE_DEPTH} deep"),
             );
             return None;
@@ -65,7 +65,7 @@ impl Elaborator<'_> {
         let inner = self.ty(file, element, nesting)?;
         if inner.ty.is_parameter_type() {
             let message = format!("there are no arrays of {}", inner.ty.name());
-            self.sink.report(file, element.span, &codes::TYPE_NOT_HERE, message);
+            self.sink.report(file, element.span, &messages::TYPE_NOT_HERE, message);
             return None;
         }
         let mut numbers = Vec::with_capacity(dims.len());
@@ -73,7 +73,7 @@ impl Elaborator<'_> {
             let (low, high) = (self.bound(file, span, low)?, self.bound(file, span, high)?);
             if low > high {
                 let message = format!("an array from {low} to {high} has no elements");
-                self.sink.report(file, span, &codes::ARRAY_BOUNDS, message);
+                self.sink.report(file, span, &messages::ARRAY_BOUNDS, message);
                 return None;
             }
             numbers.push(Dimension { low, high });
@@ -96,7 +96,7 @@ impl Elaborator<'_> {
         let resolver = Resolver::new(&self.world, self.sets.of(file), None).with(&self.constants);
         let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens.clone(), span);
         let constant = resolver.constant(&mut reader)?;
-        reader.finish(&codes::ARRAY_BOUNDS).then(|| constant.whole())?
+        reader.finish(&messages::ARRAY_BOUNDS).then(|| constant.whole())?
     }
 
     /// A bound as a number. `None` when it is the name of no constant of the block (reported).
@@ -107,7 +107,7 @@ impl Elaborator<'_> {
                 let number = self.number_of(file, tokens, span).filter(|n| i16::try_from(*n).is_ok());
                 if number.is_none() {
                     let message = "a bound of an array is a whole number from -32768 to 32767";
-                    self.sink.report(file, span, &codes::ARRAY_BOUNDS, message);
+                    self.sink.report(file, span, &messages::ARRAY_BOUNDS, message);
                 }
                 return number;
             }
@@ -118,7 +118,7 @@ impl Elaborator<'_> {
         if number.is_none() {
             let key = format!("bound {}", name.to_uppercase());
             let shown: String = name.chars().take(64).collect();
-            self.sink.missing(&key, file, span, &codes::ARRAY_BOUNDS, |_| {
+            self.sink.missing(&key, file, span, &messages::ARRAY_BOUNDS, |_| {
                 let message = format!("{shown} is not a whole number of VAR CONSTANT in this block: {USES}");
                 (message, "Constants of a tag table are not exported with it: write the number instead.".to_owned())
             });
@@ -143,7 +143,7 @@ impl Elaborator<'_> {
             good &= self.not_twice(file, declaration, &mut names);
             if declaration.over.is_some() {
                 let message = "AT lays one variable of a block over another; a structure has none";
-                self.sink.report(file, declaration.span, &codes::DECLARATION, message);
+                self.sink.report(file, declaration.span, &messages::DECLARATION, message);
                 good = false;
                 continue;
             }
@@ -154,7 +154,7 @@ impl Elaborator<'_> {
             let instance = resolved.fb.is_some_and(|fb| !tia::is_data_type(fb));
             if resolved.ty.is_parameter_type() || instance {
                 let message = format!("a structure has no components of the type {}", declared_type(&resolved));
-                self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+                self.sink.report(file, declaration.span, &messages::TYPE_NOT_HERE, message);
                 good = false;
                 continue;
             }
@@ -185,7 +185,7 @@ impl Elaborator<'_> {
                 self.sink.report(
                     file,
                     span,
-                    &codes::UNKNOWN_TYPE,
+                    &messages::UNKNOWN_TYPE,
                     format!("{} {number} is not a data type", word.name()),
                 );
                 return None;
@@ -199,12 +199,12 @@ impl Elaborator<'_> {
         let name = format!("{} {number}", word.name());
         match self.udts.get(&number) {
             Some(State::Busy) => {
-                self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{name} contains itself"));
+                self.sink.report(file, span, &messages::UNUSABLE_TYPE, format!("{name} contains itself"));
             }
             // Its mistake has been reported.
             Some(_) => {}
-            None => self.sink.missing(&name, file, span, &codes::UNUSABLE_TYPE, |_| {
-                (format!("{name}: {USES}, and it is not in the program"), codes::NO_BLOCK.remedy.to_owned())
+            None => self.sink.missing(&name, file, span, &messages::UNUSABLE_TYPE, |_| {
+                (format!("{name}: {USES}, and it is not in the program"), messages::NO_BLOCK.remedy.to_owned())
             }),
         }
     }
@@ -223,11 +223,11 @@ impl Elaborator<'_> {
             Some(shape) if nesting <= TYPE_DEPTH => self.ty(block.file, shape, nesting),
             Some(_) => {
                 let message = format!("types are nested more than {TYPE_DEPTH} deep");
-                self.sink.report(block.file, block.span, &codes::TYPE_DEPTH, message);
+                self.sink.report(block.file, block.span, &messages::TYPE_DEPTH, message);
                 None
             }
             None => {
-                self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, "the TYPE has no structure");
+                self.sink.report(block.file, block.span, &messages::NO_STRUCTURE, "the TYPE has no structure");
                 None
             }
         };
@@ -246,12 +246,12 @@ impl Elaborator<'_> {
         {
             match self.fbs.get(&number) {
                 Some(State::Busy) => {
-                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} contains itself"));
+                    self.sink.report(file, span, &messages::UNUSABLE_TYPE, format!("{id} contains itself"));
                 }
                 // Its mistake has been reported.
                 Some(_) => {}
                 None => {
-                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} is nested too deep"));
+                    self.sink.report(file, span, &messages::UNUSABLE_TYPE, format!("{id} is nested too deep"));
                 }
             }
             return None;

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_ir::{DataKind, Operand};
 use ob1_model::{BitAddr, BlockId, BlockKind, Component, DataType, Interface, Section};
 
-use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::{Sink, USES};
 use crate::fields::FieldIndex;
 use crate::identifiers::BlockWord;
 use crate::library::Missing;
+use crate::messages;
 use crate::token::Span;
 
 /// A block's interface, with its names ready to be looked up.
@@ -174,7 +174,7 @@ impl World {
                 BlockKind::Sfc | BlockKind::Sfb => {
                     "Leave the call out, or replace it: this CPU does not have it.".to_owned()
                 }
-                _ => codes::NO_BLOCK.remedy.to_owned(),
+                _ => messages::NO_BLOCK.remedy.to_owned(),
             },
             candidates: Vec::new(),
         })
@@ -186,7 +186,7 @@ impl World {
         if self.own.contains(&id) {
             return;
         }
-        sink.missing(&id.to_string(), file, span, &codes::NO_BLOCK, |_| {
+        sink.missing(&id.to_string(), file, span, &messages::NO_BLOCK, |_| {
             let missing = self.unknown_block(id);
             let remedy = missing.remedy_for(given);
             (missing.message, remedy)
@@ -201,16 +201,16 @@ impl World {
         if self.own.contains(&BlockId::new(BlockKind::Db, db)) {
             return;
         }
-        sink.missing(&format!("DB {db}"), file, span, &codes::NO_DATA_BLOCK, |_| {
+        sink.missing(&format!("DB {db}"), file, span, &messages::NO_DATA_BLOCK, |_| {
             let message = format!("DB {db} is not in the program, so it has no name {name}");
-            (message, codes::NO_DATA_BLOCK.remedy.to_owned())
+            (message, messages::NO_DATA_BLOCK.remedy.to_owned())
         });
     }
 
     /// Reports a use of a symbol that no table has.
     pub fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
         let shown: String = name.chars().take(64).collect();
-        sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
+        sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &messages::UNKNOWN_SYMBOL, |sink| {
             let message = format!("the symbol \"{shown}\" is in no symbol table");
             if let Some(id) = self.names.get(&name.to_uppercase()) {
                 let remedy =
@@ -219,7 +219,7 @@ impl World {
             }
             let near = sink.nearest(name, self.symbols.keys().map(String::as_str));
             let remedy =
-                near.map_or_else(|| codes::UNKNOWN_SYMBOL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+                near.map_or_else(|| messages::UNKNOWN_SYMBOL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
             (message, remedy)
         });
     }

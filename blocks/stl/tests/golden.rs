@@ -204,12 +204,12 @@ fn every_number_is_seen_in_an_expectation() {
         .chain(tables().into_iter().map(table))
         .chain(constructs.map(|p| std::fs::read_to_string(p).unwrap()))
         .collect();
-    let unseen: Vec<_> = ob1_stl::codes::ALL.iter().map(|c| c.number).filter(|n| !all.contains(*n)).collect();
+    let unseen: Vec<_> = ob1_stl::messages::ALL.iter().map(|c| c.number).filter(|n| !all.contains(*n)).collect();
     assert_eq!(unseen, elsewhere);
 }
 
 #[test]
 fn the_page_of_diagnostics_is_that_of_the_table() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/stl-errors.md");
-    check(&page, &ob1_stl::codes::page());
+    check(&page, &ob1_stl::messages::page());
 }

@@ -1,10 +1,10 @@
 //! Conversion between the typed parameters and the rows of the table, in both directions.
 
 use crate::cp240::{Ascii, Cp240, Interface, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
+use crate::cp240_table::{CP240, Field, Layout};
 use crate::error::ParamError;
 use crate::keyed::{Reader, line_of};
 use crate::parameter_bytes::{self, Record, Value};
-use crate::cp240_table::{CP240, Field, Layout};
 use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
 impl Cp240 {

@@ -314,7 +314,7 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
     if count == 0 {
         return None;
     }
-    let title = |code: &str| ob1_stl::codes::ALL.iter().find(|c| c.number == code).map_or("", |c| c.title);
+    let title = |code: &str| ob1_stl::messages::ALL.iter().find(|c| c.number == code).map_or("", |c| c.title);
     let mut kinds: Vec<(&str, usize)> = rest.by_code.iter().map(|(code, n)| (*code, *n)).collect();
     kinds.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
     let mut text = format!("and {count} more:\n");

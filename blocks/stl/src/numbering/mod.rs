@@ -10,10 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_model::BlockId;
 
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::identifiers::BlockWord;
 use crate::library::Library;
+use crate::messages;
 use crate::parser::{split_digits, unquote};
 use crate::syntax::{Frame, NameRef};
 use crate::token::{File, Kind, Span};
@@ -65,7 +65,7 @@ impl Elaborator<'_> {
                 // Said once for each kind: what has no number is not there, and nothing else is said of it.
                 if without_number.insert(word) {
                     let message = format!("there is no number left for \"{name}\" and those after it");
-                    self.sink.report(file, span, &codes::NO_NUMBER, message);
+                    self.sink.report(file, span, &messages::NO_NUMBER, message);
                 }
                 self.world.symbols.insert(key, Symbolic::Nameless);
                 continue;
@@ -161,7 +161,7 @@ impl Elaborator<'_> {
                 let message = format!("\"{name}\" is not a name that STEP 7 or TIA Portal gives an organization block");
                 let remedy =
                     format!("Write its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
-                self.sink.report_with(file, span, &codes::OB_NAME, message, remedy);
+                self.sink.report_with(file, span, &messages::OB_NAME, message, remedy);
                 self.world.symbols.insert(key, Symbolic::Nameless);
             }
         }

@@ -7,9 +7,9 @@ pub mod table;
 
 use crate::convert::typed;
 use crate::cp240::{Cp240, Protocol};
+use crate::cp240_table::Layout;
 use crate::error::ParamError;
 use crate::parameter_bytes::{self, Value};
-use crate::cp240_table::Layout;
 use ob1_serial::{Flow, LineSettings};
 use table::CP040;
 
@@ -121,7 +121,8 @@ impl Cp040 {
     fn read(bytes: &[u8; 16], name: &str, layout: Layout) -> Result<Self, ParamError> {
         let fields = table::fields(layout);
         let common = typed(bytes, name, layout, fields)?;
-        let code = |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| parameter_bytes::code(bytes, f));
+        let code =
+            |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| parameter_bytes::code(bytes, f));
         let duplex = if code("duplex") == 1 { Duplex::Full } else { Duplex::Half };
         let preset = match code("preset") {
             1 => Preset::Break,

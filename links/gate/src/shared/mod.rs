@@ -10,13 +10,13 @@ mod catalog;
 mod clock;
 mod hex;
 mod memory;
+mod password_turns;
 mod pump;
 mod station;
 #[cfg(test)]
 mod tests;
 mod tls;
 mod trouble;
-mod turns;
 mod users;
 
 pub(crate) use ob1_access::partner::network;
@@ -26,8 +26,8 @@ pub(crate) use catalog::Catalog;
 pub(crate) use clock::{iso, unix_now};
 pub(crate) use hex::{hex, unhex};
 pub(crate) use memory::Memory;
+pub(crate) use password_turns::Source;
 pub(crate) use station::{Client, Link, Station, Watch, Who};
 pub(crate) use tls::Tls;
 pub(crate) use trouble::Trouble;
-pub(crate) use turns::Source;
 pub(crate) use users::{LoginError, Users, hash};

@@ -27,7 +27,7 @@ use thiserror::Error;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-use crate::shared::turns::{Keys, Next, Turns};
+use crate::shared::password_turns::{Keys, Next, Turns};
 use crate::shared::{Source, hex};
 
 /// Maximum size of the file.

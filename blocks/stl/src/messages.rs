@@ -243,8 +243,8 @@ codes! {
 pub fn page() -> String {
     let mut out = String::from(
         "# Diagnostics of the STL compiler\n\n\
-         Made from the table in `blocks/stl/src/codes.rs`; a test holds the two together (`UPDATE=1 cargo test -p ob1-stl` writes\n\
-         this page anew).\n\n\
+         Made from the table in `blocks/stl/src/messages.rs`; a test holds the two together (`UPDATE=1 cargo test -p ob1-stl`\n\
+         writes this page anew).\n\n\
          S0001 to S0609: sources. S0701 to S0705: symbol tables. S0801 up: warnings. S0901 up: lints, legal but known traps;\n\
          those from S0903 on are looked for on request.\n\n\
          | Number | Kind | What | Remedy |\n|---|---|---|---|\n",
