@@ -1,6 +1,6 @@
 //! The native blocks of one CPU, and which of them runs.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_model::{BlockId, BlockKind, Section};
 
@@ -123,18 +123,27 @@ impl Native {
 /// The native block that runs at the moment: written before each call and after it, so that a monitor can name one that
 /// never returns.
 #[derive(Debug, Default)]
-pub struct Running(AtomicU32);
+pub struct Running(AtomicU64);
 
 /// Set in the word while a block runs; kind and number below it.
 const BUSY: u32 = 1 << 31;
+/// One call more, above the word.
+const CALL: u64 = 1 << 32;
 
 impl Running {
     /// The innermost native block under way.
     #[must_use]
     pub fn block(&self) -> Option<BlockId> {
-        let word = self.0.load(Ordering::Relaxed);
+        Some(self.call()?.1)
+    }
+
+    /// The same, with a number by which one call is told from the next of the same block.
+    #[must_use]
+    pub fn call(&self) -> Option<(u32, BlockId)> {
+        let all = self.0.load(Ordering::Relaxed);
+        let word = all as u32;
         let kind = BlockKind::from_repr((word >> 16 & 0xFF) as u8)?;
-        (word & BUSY != 0).then_some(BlockId::new(kind, word as u16))
+        (word & BUSY != 0).then_some(((all / CALL) as u32, BlockId::new(kind, word as u16)))
     }
 
     /// The word of a block.
@@ -146,7 +155,24 @@ impl Running {
     #[inline]
     pub(crate) fn replace(&self, word: u32) -> u32 {
         let outer = self.0.load(Ordering::Relaxed);
-        self.0.store(word, Ordering::Relaxed);
-        outer
+        self.0.store((outer & !(CALL - 1)).wrapping_add(CALL) | u64::from(word), Ordering::Relaxed);
+        outer as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_call_is_told_from_the_next() {
+        let (running, id) = (Running::default(), BlockId::new(BlockKind::Sfc, 43));
+        let outer = running.replace(Running::word(id));
+        let first = running.call();
+        assert_eq!((first, running.block()), (Some((1, id)), Some(id)));
+        running.replace(outer);
+        assert_eq!(running.call(), None);
+        running.replace(Running::word(id));
+        assert_eq!(running.call(), Some((3, id)));
     }
 }

@@ -35,7 +35,7 @@ pub(crate) fn time(watchdog: Span) -> Span {
 #[derive(Debug)]
 struct Suspicion {
     needed: u32,
-    seen: Option<(u64, BlockId)>,
+    seen: Option<(u64, u32, BlockId)>,
     looks: u32,
 }
 
@@ -47,15 +47,16 @@ impl Suspicion {
         Self { needed, seen: None, looks: 0 }
     }
 
-    /// One look: cycles so far, and the native block that runs within one. The block, when it must be given up.
-    fn look(&mut self, cycles: u64, block: Option<BlockId>) -> Option<BlockId> {
-        let now = block.map(|block| (cycles, block));
+    /// One look: cycles so far, and the call of a native block that is under way within one: a loop of statements may
+    /// call the same block again and again. The block, when it must be given up.
+    fn look(&mut self, cycles: u64, call: Option<(u32, BlockId)>) -> Option<BlockId> {
+        let now = call.map(|(number, block)| (cycles, number, block));
         if now.is_none() || now != self.seen {
             (self.seen, self.looks) = (now, 0);
             return None;
         }
         self.looks += 1;
-        if self.looks >= self.needed { block } else { None }
+        if self.looks >= self.needed { call.map(|(_, block)| block) } else { None }
     }
 }
 
@@ -115,8 +116,8 @@ impl Monitor {
         let thread = SideThread::looking("ob1-monitor", move |stopped| {
             let (mut suspicion, mut standstill) = (Suspicion::new(watchdog), Standstill::new(watchdog));
             while stopped.recv_timeout(LOOK.into()) == Err(RecvTimeoutError::Timeout) {
-                let block = running.block().filter(|_| scan.is_in_cycle());
-                if let Some(block) = suspicion.look(scan.cycles(), block) {
+                let call = running.call().filter(|_| scan.is_in_cycle());
+                if let Some(block) = suspicion.look(scan.cycles(), call) {
                     give_up(block, io.as_ref());
                 }
                 let told = standstill.look(scan.cycles(), scan.is_in_cycle());
@@ -154,13 +155,14 @@ mod tests {
     use super::*;
     use ob1_model::BlockKind;
 
-    const BLOCK: Option<BlockId> = Some(BlockId::new(BlockKind::Fc, 7));
+    const BLOCK: BlockId = BlockId::new(BlockKind::Fc, 7);
+    const CALL: Option<(u32, BlockId)> = Some((1, BLOCK));
 
     #[test]
     fn a_block_that_stays_is_given_up() {
         let mut suspicion = Suspicion::new(Span::from_millis(150));
-        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(5, BLOCK)), None);
-        assert_eq!(suspicion.look(5, BLOCK), BLOCK);
+        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(5, CALL)), None);
+        assert_eq!(suspicion.look(5, CALL), Some(BLOCK));
     }
 
     #[test]
@@ -184,17 +186,22 @@ mod tests {
     fn any_progress_starts_anew() {
         let mut suspicion = Suspicion::new(Span::from_millis(150));
         for cycle in 0..10 {
-            assert_eq!((0..LOOKS).find_map(|_| suspicion.look(cycle, BLOCK)), None);
+            assert_eq!((0..LOOKS).find_map(|_| suspicion.look(cycle, CALL)), None);
         }
         assert_eq!(suspicion.look(9, None), None);
-        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(9, BLOCK)), None);
+        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(9, CALL)), None);
+        assert_eq!(
+            (0..1_000).find_map(|call| suspicion.look(9, Some((call, BLOCK)))),
+            None,
+            "the program calls it again"
+        );
     }
 
     #[test]
     fn a_long_watchdog_is_waited_for_twice() {
         let mut suspicion = Suspicion::new(Span::from_secs(6));
-        assert_eq!((0..120).find_map(|_| suspicion.look(1, BLOCK)), None);
-        assert_eq!(suspicion.look(1, BLOCK), BLOCK);
+        assert_eq!((0..120).find_map(|_| suspicion.look(1, CALL)), None);
+        assert_eq!(suspicion.look(1, CALL), Some(BLOCK));
         assert_eq!(Suspicion::new(Span::ZERO).needed, LOOKS_WITHOUT_WATCHDOG);
     }
 }
