@@ -16,16 +16,12 @@ pub mod client;
 pub mod codes;
 pub mod coupling;
 pub mod iso;
+mod limits;
 pub mod server;
 pub mod tap;
 pub mod wire;
 
-/// Maximum of outstanding jobs per connection.
-pub const MAX_JOBS: u16 = 8;
-/// Largest PDU we agree to. An S7-300 has 240, an S7-400 480; clients request up to 1024.
-pub const MAX_PDU: u16 = 1024;
-/// Smallest useful PDU: a header, an upload's answer.
-pub const MIN_PDU: u16 = 64;
+pub use limits::{MAX_JOBS, MAX_PDU, MIN_PDU};
 
 /// What a connection may do. Each includes the previous ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -5,7 +5,6 @@ use ob1_model::{
 };
 
 use super::operands::WIDTHS;
-
 use super::{ops, parse, write};
 use crate::{
     AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, DataKind, DbRegister, Jump, Logic, Number,

@@ -47,7 +47,7 @@ impl Patience {
         let cycle = min_cycle.times(2);
         let stopped = watchdog.times(2).saturating_add(cycle);
         // Later than the monitor inside the runtime, which can name the block that hangs.
-        let silent = crate::run::monitor::time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
+        let silent = crate::run::hung_block::time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
         Self { stopped: stopped.max(Span::SECOND), silent }
     }
 }

@@ -19,10 +19,10 @@ use ob1_time::Span;
 
 use super::console::LiveLine;
 use super::failure::Failure;
+use super::hung_block::Monitor;
 use super::journal::Journal;
 use super::last_words;
 use super::listening::listen;
-use super::monitor::Monitor;
 use super::options::Options;
 use super::reason_log::ReasonLog;
 use super::report::{Ended, Report};

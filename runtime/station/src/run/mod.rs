@@ -3,10 +3,10 @@
 mod at_work;
 pub mod console;
 mod failure;
+pub(crate) mod hung_block;
 mod journal;
 mod last_words;
 mod listening;
-pub(crate) mod monitor;
 mod options;
 mod reason_log;
 mod report;
