@@ -43,9 +43,17 @@ impl Area {
 
     /// The area a pointer code names, or `None` for a code that names none.
     pub const fn from_pointer_code(code: u8) -> Option<Self> {
-        use Area::{Db, Di, Input, Local, Memory, Output, Peripheral, PreviousLocal};
-        const BY_CODE: [Area; 8] = [Peripheral, Input, Output, Memory, Db, Di, Local, PreviousLocal];
-        if code & 0xF8 == 0x80 { Some(BY_CODE[(code & 7) as usize]) } else { None }
+        Some(match code {
+            0x80 => Area::Peripheral,
+            0x81 => Area::Input,
+            0x82 => Area::Output,
+            0x83 => Area::Memory,
+            0x84 => Area::Db,
+            0x85 => Area::Di,
+            0x86 => Area::Local,
+            0x87 => Area::PreviousLocal,
+            _ => return None,
+        })
     }
 }
 
