@@ -92,8 +92,11 @@ impl Row {
         name: &'static str,
         run: fn(&mut Call<'_>) -> Done,
     ) -> Self {
-        let id = BlockId::new(kind, number);
-        Self { origin, id, name, note: "", declared: P::DECLARED, places: None, run: Run::Whole(run) }
+        Self::of::<P>(origin, BlockId::new(kind, number), name, Run::Whole(run))
+    }
+
+    const fn of<P: Params>(origin: Origin, id: BlockId, name: &'static str, run: Run) -> Self {
+        Self { origin, id, name, note: "", declared: P::DECLARED, places: None, run }
     }
 
     /// A system function without RET_VAL, or whose RET_VAL is no code.
@@ -109,7 +112,7 @@ impl Row {
         name: &'static str,
         run: fn(&mut Call<'_>) -> Code,
     ) -> Self {
-        Self { run: Run::Coded(run), ..Self::new::<P>(origin, kind, number, name, |_| Ok(())) }
+        Self::of::<P>(origin, BlockId::new(kind, number), name, Run::Coded(run))
     }
 
     /// The same of the TI library.
@@ -122,13 +125,14 @@ impl Row {
         Self::with_code::<P>(Origin::TiS7, kind, number, name, run)
     }
 
+    /// A system function that ends with RET_VAL.
     pub(crate) const fn coded<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
         Self::with_code::<P>(Origin::System, BlockKind::Sfc, number, name, run)
     }
 
-    /// REQ is the first parameter.
+    /// A system function that is asked by REQ, its first parameter, and answers in the same call.
     pub(crate) const fn asked<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Code) -> Self {
-        Self { run: Run::Asked(run), ..Self::coded::<P>(number, name, run) }
+        Self::of::<P>(Origin::System, BlockId::new(BlockKind::Sfc, number), name, Run::Asked(run))
     }
 
     pub(crate) const fn sfb<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
@@ -158,6 +162,7 @@ pub struct StandardBlock {
     /// Parameters with STEP 7's names and types, laid out.
     pub interface: Interface,
     run: Run,
+    /// RET_VAL or ERR_CODE, and BUSY, of blocks whose code sets them.
     ret_val: At,
     busy: At,
 }
@@ -191,6 +196,8 @@ impl StandardBlock {
             }
         };
         let (Ok(value) | Err(value)) = code;
+        // RET_VAL of a system function has its highest bit where BR is 0.
+        debug_assert!(self.origin != Origin::System || code.is_ok() == (value & 0x8000 == 0), "{self:?}: {code:04X?}");
         call.set(self.ret_val, u32::from(value));
         call.br(code.is_ok())
     }
@@ -204,5 +211,26 @@ impl StandardBlock {
 impl fmt::Debug for StandardBlock {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("StandardBlock").field("key", &self.key()).field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_code_has_a_parameter() {
+        let mut with_code = 0;
+        for block in crate::standard_blocks() {
+            let name = |at: At| block.interface.formals().nth(at.0 as usize).map(|formal| formal.name.as_str());
+            match block.run {
+                Run::Whole(_) => continue,
+                Run::Coded(_) => {}
+                Run::Asked(_) => assert_eq!((name(At(0)), name(block.busy)), (Some("REQ"), Some("BUSY")), "{block:?}"),
+            }
+            with_code += 1;
+            assert!(matches!(name(block.ret_val), Some("RET_VAL" | "ERR_CODE")), "{block:?}");
+        }
+        assert!(with_code > 50, "{with_code}");
     }
 }

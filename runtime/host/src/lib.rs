@@ -6,7 +6,7 @@
 
 pub mod bus;
 pub mod driver;
-mod line;
+mod fixed_text;
 pub mod module;
 pub mod plugin;
 pub mod supervisor;

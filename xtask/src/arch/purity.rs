@@ -106,7 +106,9 @@ pub(super) fn rooms(tree: &Tree) -> Vec<Finding> {
         let is_home = |file: &File| file.is_in(folders) || folders.iter().any(|f| file.path == format!("{f}.rs"));
         for file in tree.rust().filter(|file| !is_home(file)) {
             for (number, line, _) in file.code_lines() {
-                let Some(word) = words.iter().find(|word| has_word(line, word)) else { continue };
+                // Also in `use a::{b, c}`.
+                let names = |path: &&&str| path.split("::").all(|part| has_word(line, part));
+                let Some(word) = words.iter().find(names) else { continue };
                 findings.push(Finding {
                     place: format!("{}:{number}", file.path),
                     rule: "invariant 2",
@@ -252,7 +254,7 @@ mod tests {
             ("links/gate/src/metrics.rs", "use hyper::Request;"),
             ("links/gate/src/mqtt/tls.rs", "use hyper::Request;"),
             ("links/gate/src/shared/tls.rs", "// rumqttc\nuse opcua_types::Variant;"),
-            ("driver/cp/src/main.rs", "ob1_process::files::read(x);\nob1_process::log::start();"),
+            ("driver/cp/src/main.rs", "use ob1_process::{files, log};\nob1_process::log::start();"),
         ]);
         let places: Vec<String> = rooms(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(

@@ -4,6 +4,7 @@ use ob1_ir::{BitTest, Call, CallMode, Jump, Op, Place};
 use ob1_model::BlockKind;
 
 use super::{Mode, Parsed, Parser};
+use crate::not_drawn::Reason;
 use crate::tree::{Coil, End, Kind, Rung, Saves, Value};
 
 /// Most arms of a branch and coils in a row.
@@ -96,10 +97,7 @@ impl Parser<'_> {
             let straight =
                 matches!(arm.logic.as_ref().map(|node| &node.kind), Some(Kind::Contact { negate: false, .. }));
             if straight && self.mode == Mode::Step7 && matches!(arm.ends.first(), Some(End::Coil(_))) {
-                return Err(crate::not_drawn::Reason {
-                    statement: start + 1,
-                    what: "an arm to a coil without BLD 102",
-                });
+                return Err(Reason { statement: start + 1, what: "an arm to a coil without BLD 102" });
             }
             arm
         };

@@ -3,6 +3,7 @@
 use ob1_ir::{BitTest, Logic, Op};
 
 use super::{Mode, Parsed, Parser};
+use crate::not_drawn::Reason;
 use crate::tree::{Kind, Node};
 
 impl Parser<'_> {
@@ -29,9 +30,7 @@ impl Parser<'_> {
                 items.pop().map_or_else(|| self.wrong("no logic"), Ok)
             }
             kind @ (Kind::Contact { .. } | Kind::Series { .. }) => Ok(Node { id, statements, kind }),
-            _ if self.mode == Mode::Step7 => {
-                Err(crate::not_drawn::Reason { statement: start, what: "a parallel without brackets" })
-            }
+            _ if self.mode == Mode::Step7 => Err(Reason { statement: start, what: "a parallel without brackets" }),
             kind => {
                 let items = vec![Node { id, statements: statements.clone(), kind }];
                 Ok(Node { id, statements, kind: Kind::Series { items, bare: true } })

@@ -12,7 +12,7 @@ use ob1_cpu::ModuleEvent;
 use ob1_model::Event;
 use ob1_time::{Instant, Span};
 
-use crate::line::Line;
+use crate::fixed_text::FixedText;
 use crate::supervisor::Report;
 
 /// Numbers of a CP's messages, as `docs/driver.md` lists them.
@@ -311,8 +311,8 @@ pub fn line_gone(errno: u32) -> Option<&'static str> {
 
 /// An entry with a text of at most 16 bytes.
 pub(crate) fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
-    let line = Line::<16>::new(content);
-    ModuleEvent { event, diagnostic_interrupt: false, data: line.bytes, len: line.len as u8 }
+    let text = FixedText::<16>::new(content);
+    ModuleEvent { event, diagnostic_interrupt: false, data: text.bytes, len: text.len as u8 }
 }
 
 #[cfg(test)]

@@ -12,10 +12,10 @@ use super::frame::Frame;
 use super::host_table::HOST;
 use super::memory::{State, StationMemory};
 use super::table::{Code, PanicMessage};
-use crate::line::Line;
+use crate::fixed_text::FixedText;
 
 /// A text for the diagnostic buffer.
-type Text = Line<{ abi::TEXT_MAX as usize }>;
+type Text = FixedText<{ abi::TEXT_MAX as usize }>;
 
 /// A block of a plugin in one station.
 pub(super) struct PluginBlock {

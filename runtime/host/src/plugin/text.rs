@@ -3,7 +3,7 @@
 use ob1_sdk::abi::{TEXT_MAX, Text};
 
 use super::error::Refusal;
-use crate::line::beginning;
+use crate::fixed_text::beginning;
 
 const STATIC_MAX: u32 = 256;
 
